@@ -1,0 +1,9 @@
+//! Simulation-in-the-loop evaluation of language <-> whole-body motion models.
+
+pub mod dataset;
+pub mod humanoid;
+pub mod kinematics;
+pub mod motion;
+pub mod plausibility;
+pub mod robot;
+pub mod simulation;
