@@ -3,9 +3,226 @@
 //! In: a [`Humanoid`], a [`Motion`] and [`SimulationSettings`].
 //! Out: a [`Rollout`]: what the body did, what it was told to do, and what forces that took.
 //! All engine types stay inside this module; nothing here scores, writes or prints.
+//!
+//! One step: the motion at the current time sets the rest state of the joint springs and of the assist, the engine solves
+//! springs, joints and contacts together, and the impulses it found are read back as torques and forces.
 
+mod articulation;
+mod assist;
+mod balls;
+mod body;
+mod chain;
+mod contact;
+mod engine;
+mod gains;
+mod multibody;
+mod reference;
+mod retarget;
 mod rollout;
 mod settings;
 
+pub use engine::GRAVITY_M_S2;
+pub use gains::{Gains, gains};
 pub use rollout::{Contact, Event, EventKind, Outcome, Rollout, RolloutSample, SegmentPoses};
-pub use settings::{JointForm, Level, SimulationSettings};
+pub use settings::{JointForm, Level, SettingsError, SimulationSettings};
+
+use nalgebra::Vector3;
+
+use crate::humanoid::{Humanoid, NUM_SEGMENTS};
+use crate::motion::{Motion, MotionError, NUM_JOINTS};
+use articulation::Articulation;
+use assist::{Assist, Wrench};
+use balls::Balls;
+use contact::ContactSum;
+use engine::Engine;
+use multibody::Multibody;
+use reference::{Reference, ReferenceState};
+
+/// Why a simulation could not start.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SimulationError {
+    /// The level has no simulation.
+    #[error("level {level} is not simulated, expected L2 or L3")]
+    Level {
+        /// Level asked for.
+        level: Level,
+    },
+    /// A setting is outside its range.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// The motion leaves its bounds when it is made ready for physics.
+    #[error("failed to prepare the motion: {0}")]
+    Motion(#[from] MotionError),
+    /// The robot has a joint the simulation cannot represent.
+    #[error("the joint above link {link:?} is not a chain of one to three perpendicular hinges in one place")]
+    Chain {
+        /// Link below the joint.
+        link: String,
+    },
+    /// The engine did not accept the body in reduced coordinates.
+    #[error("the physics engine refused the robot as a multibody")]
+    Multibody,
+}
+
+/// Height below which the pelvis has left the world, metres: every number may be finite, and still the body fell through.
+const LOST_BELOW_M: f64 = -0.5;
+/// Speed no part of a body reaches, m/s.
+const LOST_SPEED_M_S: f64 = 100.0;
+
+/// Simulates a motion; `observer` sees every sample as it is made.
+///
+/// Level 2 has the bounded assist at the root, level 3 does not.
+/// A state that stops being one ends the rollout as [`Outcome::Failed`] with its time; that is a result, not an error.
+///
+/// # Errors
+/// [`SimulationError`] when the level, the settings or the body cannot be simulated.
+pub fn simulate(
+    humanoid: &Humanoid,
+    motion: &Motion,
+    level: Level,
+    settings: &SimulationSettings,
+    observer: &mut dyn FnMut(&RolloutSample),
+) -> Result<Rollout, SimulationError> {
+    settings.check()?;
+    if !matches!(level, Level::L2 | Level::L3) {
+        return Err(SimulationError::Level { level });
+    }
+    let retargeted = retarget::retarget(humanoid, motion, settings)?;
+    let reference = Reference::new(&retargeted.reference);
+    let command = Reference::new(&retargeted.command);
+    let chains = chain::chains(humanoid).map_err(|link| SimulationError::Chain { link })?;
+
+    let mut engine = Engine::new(settings);
+    let start = command.at(0.0);
+    let mut body: Box<dyn Articulation> = match settings.joint_form {
+        JointForm::Balls => Box::new(Balls::new(&mut engine, humanoid, chains, &start)),
+        JointForm::Multibody => Box::new(
+            Multibody::new(&mut engine, humanoid, &chains, &start).ok_or(SimulationError::Multibody)?,
+        ),
+    };
+    let assist = (level == Level::L2 && settings.assist_limit > 0.0)
+        .then(|| Assist::new(&mut engine, body.segments()[0], humanoid.body.mass_kg, settings));
+
+    let steps_per_sample = settings.steps_per_sample();
+    let duration_secs = motion.duration_secs();
+    let num_steps = (duration_secs / settings.dt_secs).ceil() as usize;
+    let mut rollout = Rollout {
+        level,
+        settings: settings.clone(),
+        sample_interval_secs: steps_per_sample as f64 * settings.dt_secs,
+        motion_duration_secs: duration_secs,
+        samples: Vec::with_capacity(num_steps / steps_per_sample + 1),
+        events: retargeted.events,
+        outcome: Outcome::Completed,
+        max_joint_drift_m: 0.0,
+    };
+    let mut run = Run { humanoid, reference: &reference, assist: assist.as_ref(), sums: Sums::default() };
+    let start = run.sample(&engine, &*body, 0.0, 1);
+    observer(&start);
+    rollout.samples.push(start);
+    for step in 0..num_steps {
+        let time_secs = step as f64 * settings.dt_secs;
+        let target = command.at(time_secs);
+        body.command(&mut engine, &target);
+        if let Some(assist) = &assist {
+            assist.command(&mut engine, &target);
+        }
+        engine.step();
+        if let Some(reason) = fault(&engine, &*body) {
+            let time_secs = time_secs + settings.dt_secs;
+            rollout.events.push(Event { time_secs, kind: EventKind::Failure, message: reason.clone() });
+            rollout.outcome = Outcome::Failed { time_secs, reason };
+            break;
+        }
+        run.add_step(&engine, &*body);
+        if (step + 1) % steps_per_sample == 0 {
+            let sample = run.sample(&engine, &*body, (step + 1) as f64 * settings.dt_secs, steps_per_sample);
+            rollout.max_joint_drift_m = rollout.max_joint_drift_m.max(body.joint_drift_m(&engine));
+            observer(&sample);
+            rollout.samples.push(sample);
+        }
+    }
+    Ok(rollout)
+}
+
+/// Forces summed over the steps of a sample.
+#[derive(Default)]
+struct Sums {
+    contacts: ContactSum,
+    wrench: Wrench,
+    torques: Option<[f64; NUM_JOINTS]>,
+}
+
+/// What a sample is read from.
+struct Run<'a> {
+    humanoid: &'a Humanoid,
+    reference: &'a Reference,
+    assist: Option<&'a Assist>,
+    sums: Sums,
+}
+
+impl Run<'_> {
+    fn add_step(&mut self, engine: &Engine, body: &dyn Articulation) {
+        let segments = body.segments();
+        self.sums.contacts.add_step(engine, |handle| segments.iter().position(|&segment| segment == handle));
+        if let Some(assist) = self.assist {
+            let wrench = assist.wrench(engine);
+            self.sums.wrench.force_n += wrench.force_n;
+            self.sums.wrench.moment_nm += wrench.moment_nm;
+        }
+        let (angles, _) = body.angles_and_speeds(engine);
+        body.add_torques(engine, &angles, self.sums.torques.get_or_insert([0.0; NUM_JOINTS]));
+    }
+
+    fn sample(
+        &mut self,
+        engine: &Engine,
+        body: &dyn Articulation,
+        time_secs: f64,
+        num_steps: usize,
+    ) -> RolloutSample {
+        let Sums { mut contacts, wrench, torques } = std::mem::take(&mut self.sums);
+        let share = 1.0 / num_steps as f64;
+        let target = self.reference.at(time_secs);
+        let (joint_angles_rad, joint_velocities_rad_s) = body.angles_and_speeds(engine);
+        RolloutSample {
+            time_secs,
+            world_from_segment: body.segment_poses(engine),
+            reference_world_from_segment: reference_poses(self.humanoid, &target),
+            joint_angles_rad,
+            joint_velocities_rad_s,
+            joint_torques_nm: torques.unwrap_or([0.0; NUM_JOINTS]).map(|sum| sum * share),
+            reference_joint_angles_rad: target.angles,
+            assist_force_n: wrench.force_n * share,
+            assist_moment_nm: wrench.moment_nm * share,
+            contacts: contacts.take(num_steps as f64 * engine.dt_secs()),
+        }
+    }
+}
+
+fn reference_poses(humanoid: &Humanoid, target: &ReferenceState) -> SegmentPoses {
+    let links = humanoid.robot.tree.forward(&target.world_from_root, &humanoid.tree_angles(&target.angles));
+    humanoid.segment_links.map(|link| links[link])
+}
+
+/// Why the state is no state any more, if so.
+fn fault(engine: &Engine, body: &dyn Articulation) -> Option<String> {
+    if engine.quarantined() {
+        return Some("the engine quarantined a body whose state was not finite".to_owned());
+    }
+    for &handle in body.segments() {
+        let segment = &engine.bodies[handle];
+        let (position, velocity) = (segment.position().translation, segment.linvel());
+        let numbers = [position.x, position.y, position.z, velocity.x, velocity.y, velocity.z];
+        if numbers.iter().any(|number| !number.is_finite()) {
+            return Some("a position or velocity is not a finite number".to_owned());
+        }
+        if Vector3::new(velocity.x, velocity.y, velocity.z).norm() > LOST_SPEED_M_S {
+            return Some(format!("a segment moves faster than {LOST_SPEED_M_S} m/s"));
+        }
+    }
+    let height = engine.bodies[body.segments()[0]].position().translation.z;
+    (height < LOST_BELOW_M).then(|| format!("the pelvis is {:.2} m below the floor", -height))
+}
+
+const _: () = assert!(NUM_SEGMENTS > 1, "a body without joints has nothing to drive");

@@ -111,4 +111,8 @@ pub struct Rollout {
     pub events: Vec<Event>,
     /// How it ended.
     pub outcome: Outcome,
+    /// Largest distance between the two sides of any joint at any sample, metres.
+    ///
+    /// Zero in reduced coordinates; in maximal ones what the solver left, under a millimetre while it holds.
+    pub max_joint_drift_m: f64,
 }

@@ -70,3 +70,43 @@ impl Default for SimulationSettings {
         }
     }
 }
+
+/// A setting outside its range.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("setting {name} is {found}, expected {expected}")]
+pub struct SettingsError {
+    /// Name of the setting.
+    pub name: &'static str,
+    /// Value found.
+    pub found: f64,
+    /// What is accepted.
+    pub expected: &'static str,
+}
+
+impl SimulationSettings {
+    /// Whole number of steps between samples, at least one.
+    #[must_use]
+    pub fn steps_per_sample(&self) -> usize {
+        (1.0 / (self.dt_secs * self.record_rate_hz)).round().max(1.0) as usize
+    }
+
+    /// Checks every setting against its range.
+    ///
+    /// # Errors
+    /// [`SettingsError`] names the first setting outside its range.
+    pub fn check(&self) -> Result<(), SettingsError> {
+        let checks = [
+            ("dt_secs", self.dt_secs, 1e-5..=0.02, "0.00001 to 0.02 s"),
+            ("pgs_iterations", self.pgs_iterations as f64, 1.0..=1000.0, "1 to 1000"),
+            ("assist_limit", self.assist_limit, 0.0..=100.0, "0 to 100 body weights"),
+            ("assist_arm_m", self.assist_arm_m, 0.0..=100.0, "0 to 100 m"),
+            ("friction", self.friction, 0.0..=10.0, "0 to 10"),
+            ("record_rate_hz", self.record_rate_hz, 1.0..=100_000.0, "1 to 100000 Hz"),
+            ("ground_correction_limit_m", self.ground_correction_limit_m, 0.0..=1.0, "0 to 1 m"),
+        ];
+        match checks.into_iter().find(|(_, found, range, _)| !range.contains(found)) {
+            Some((name, found, _, expected)) => Err(SettingsError { name, found, expected }),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! The humanoid in maximal coordinates: one rigid body per segment, one impulse joint per anatomical joint.
+//!
+//! A two- or three-axis chain is a ball whose rest orientation follows the commanded rotation; its motor is a rotational
+//! spring and damper about the three axes of that orientation, solved implicitly with everything else.
+//! A two-axis chain is a ball as well: the axis it lacks is held at zero by the same spring.
+
+use nalgebra::{Point3, UnitQuaternion, Vector3};
+use rapier3d_f64::math::Pose;
+use rapier3d_f64::prelude::*;
+
+use super::articulation::Articulation;
+use super::body::{AddedInertia, insert_link};
+use super::chain::Chain;
+use super::engine::{Engine, from_pose, from_rotation, from_vector, pose, rotation, vector};
+use super::gains::{Gains, gains};
+use super::reference::ReferenceState;
+use crate::humanoid::{Humanoid, NUM_SEGMENTS};
+use crate::motion::{JOINTS, NUM_JOINTS};
+
+/// Inertia added to every segment but the root, and to the three parts of each foot on top of that, kg m^2.
+///
+/// Without it the iterative solver loses the light segments; it is part of the results' signature.
+pub(super) const ADDED_INERTIA: AddedInertia = AddedInertia { everywhere_kgm2: 0.002, feet_kgm2: 0.02 };
+
+const ANGULAR: [JointAxis; 3] = [JointAxis::AngX, JointAxis::AngY, JointAxis::AngZ];
+
+struct Joint {
+    chain: Chain,
+    handle: ImpulseJointHandle,
+    gains: Gains,
+    /// For one axis: rotation that takes x to the axis.
+    hinge_basis: Option<UnitQuaternion<f64>>,
+}
+
+pub(super) struct Balls {
+    segments: [RigidBodyHandle; NUM_SEGMENTS],
+    joints: Vec<Joint>,
+}
+
+impl Balls {
+    /// Builds the body in the state of the reference.
+    pub fn new(engine: &mut Engine, humanoid: &Humanoid, chains: Vec<Chain>, start: &ReferenceState) -> Self {
+        let world_from_link =
+            humanoid.robot.tree.forward(&start.world_from_root, &humanoid.tree_angles(&start.angles));
+        let segments = humanoid
+            .segment_links
+            .map(|link| insert_link(engine, humanoid, link, &world_from_link[link], ADDED_INERTIA));
+        let joints = chains.into_iter().map(|chain| insert_joint(engine, &segments, chain)).collect();
+        let balls = Self { segments, joints };
+        balls.set_velocities(engine, start);
+        balls
+    }
+
+    fn set_velocities(&self, engine: &mut Engine, start: &ReferenceState) {
+        let root = &mut engine.bodies[self.segments[0]];
+        let origin = root.position().translation;
+        let omega = vector(&start.root_angular_velocity);
+        let velocity = vector(&start.root_velocity) + omega.cross(root.center_of_mass() - origin);
+        root.set_linvel(velocity, true);
+        root.set_angvel(omega, true);
+        for Joint { chain, .. } in &self.joints {
+            let parent = &engine.bodies[self.segments[chain.parent_segment]];
+            let (_, turning) = chain.turn(&start.angles, &start.speeds);
+            let joint_rotation = parent.position().rotation * rotation(&chain.parent_from_joint.rotation);
+            let omega = parent.angvel() + joint_rotation * vector(&turning);
+            let child = &engine.bodies[self.segments[chain.segment]];
+            let origin = child.position().translation;
+            let velocity = parent.velocity_at_point(origin) + omega.cross(child.center_of_mass() - origin);
+            let child = &mut engine.bodies[self.segments[chain.segment]];
+            child.set_linvel(velocity, true);
+            child.set_angvel(omega, true);
+        }
+    }
+}
+
+impl Articulation for Balls {
+    fn segments(&self) -> &[RigidBodyHandle; NUM_SEGMENTS] {
+        &self.segments
+    }
+
+    fn command(&mut self, engine: &mut Engine, target: &ReferenceState) {
+        for Joint { chain, handle, gains, hinge_basis } in &self.joints {
+            let Some(joint) = engine.joints.get_mut(*handle, false) else { continue };
+            let (kp, kd) = (gains.stiffness_nm_rad, gains.damping_nms_rad);
+            if hinge_basis.is_some() {
+                let kit = chain.axes[0].kit;
+                joint.data.set_motor(JointAxis::AngX, target.angles[kit], target.speeds[kit], kp, kd);
+            } else {
+                let (turn, omega) = chain.turn(&target.angles, &target.speeds);
+                joint.data.local_frame1 =
+                    pose(&chain.parent_from_joint) * Pose::from_rotation(rotation(&turn));
+                let omega = turn.inverse() * omega;
+                for (index, axis) in ANGULAR.into_iter().enumerate() {
+                    joint.data.set_motor(axis, 0.0, omega[index], kp, kd);
+                }
+            }
+        }
+    }
+
+    fn angles_and_speeds(&self, engine: &Engine) -> ([f64; NUM_JOINTS], [f64; NUM_JOINTS]) {
+        let (mut angles, mut speeds) = ([0.0; NUM_JOINTS], [0.0; NUM_JOINTS]);
+        for Joint { chain, .. } in &self.joints {
+            let parent = &engine.bodies[self.segments[chain.parent_segment]];
+            let child = &engine.bodies[self.segments[chain.segment]];
+            let world_from_joint =
+                from_rotation(parent.position().rotation) * chain.parent_from_joint.rotation;
+            let turn = world_from_joint.inverse() * from_rotation(child.position().rotation);
+            chain.read_angles(&turn, &mut angles);
+            let omega = world_from_joint.inverse() * from_vector(child.angvel() - parent.angvel());
+            read_speeds(chain, &angles, &omega, &mut speeds);
+        }
+        (angles, speeds)
+    }
+
+    fn add_torques(&self, engine: &Engine, angles: &[f64; NUM_JOINTS], torques: &mut [f64; NUM_JOINTS]) {
+        let inverse_dt = 1.0 / engine.dt_secs();
+        for Joint { chain, handle, hinge_basis, .. } in &self.joints {
+            let Some(joint) = engine.joints.get(*handle) else { continue };
+            // The engine counts impulses on the parent; the child feels the opposite.
+            let torque = |index: usize| -joint.data.motors[3 + index].impulse * inverse_dt;
+            if hinge_basis.is_some() {
+                torques[chain.axes[0].kit] += torque(0);
+                continue;
+            }
+            let in_target = Vector3::new(torque(0), torque(1), torque(2));
+            // local_frame1 = parent_from_joint * turn: back to the joint frame, where the axes are known.
+            let parent_from_target = from_rotation(joint.data.local_frame1.rotation);
+            let in_joint = chain.parent_from_joint.rotation.inverse() * parent_from_target * in_target;
+            for (kit, axis) in chain.axes_in_joint(angles) {
+                torques[kit] += axis.dot(&in_joint);
+            }
+        }
+    }
+
+    fn joint_drift_m(&self, engine: &Engine) -> f64 {
+        let gap = |Joint { chain, .. }: &Joint| {
+            let parent = from_pose(engine.bodies[self.segments[chain.parent_segment]].position());
+            let child = engine.bodies[self.segments[chain.segment]].position().translation;
+            let socket = parent * Point3::from(chain.parent_from_joint.translation.vector);
+            (socket.coords - from_vector(child)).norm()
+        };
+        self.joints.iter().map(gap).fold(0.0, f64::max)
+    }
+}
+
+/// Angle rates of a chain whose child turns with `omega` in the joint frame: least squares over its axes.
+fn read_speeds(
+    chain: &Chain,
+    angles: &[f64; NUM_JOINTS],
+    omega: &Vector3<f64>,
+    speeds: &mut [f64; NUM_JOINTS],
+) {
+    let axes: Vec<_> = chain.axes_in_joint(angles).collect();
+    match axes.as_slice() {
+        [(kit, axis)] => speeds[*kit] = axis.dot(omega),
+        [(first, a), (second, b)] => (speeds[*first], speeds[*second]) = (a.dot(omega), b.dot(omega)),
+        [(first, a), (second, b), (third, c)] => {
+            let columns = nalgebra::Matrix3::from_columns(&[*a, *b, *c]);
+            // Singular at the gimbal pole, where the first and third axis meet; their shared rate then goes to the first.
+            let rates = columns
+                .try_inverse()
+                .filter(|_| columns.determinant().abs() > 1e-3)
+                .map_or_else(|| Vector3::new(a.dot(omega), b.dot(omega), 0.0), |inverse| inverse * omega);
+            (speeds[*first], speeds[*second], speeds[*third]) = (rates.x, rates.y, rates.z);
+        }
+        _ => {}
+    }
+}
+
+fn insert_joint(engine: &mut Engine, segments: &[RigidBodyHandle; NUM_SEGMENTS], chain: Chain) -> Joint {
+    let gains = gains(JOINTS[chain.axes[0].kit].short_name());
+    let hinge_basis = (chain.axes.len() == 1).then(|| {
+        UnitQuaternion::rotation_between(&Vector3::x(), &chain.axes[0].axis)
+            .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::PI))
+    });
+    let (locked, motors) = match hinge_basis {
+        Some(_) => (JointAxesMask::LOCKED_REVOLUTE_AXES, &ANGULAR[..1]),
+        None => (JointAxesMask::LOCKED_SPHERICAL_AXES, &ANGULAR[..]),
+    };
+    let basis = Pose::from_rotation(rotation(&hinge_basis.unwrap_or_default()));
+    let effort = chain.axes.iter().map(|axis| axis.effort_nm).fold(f64::INFINITY, f64::min);
+    let mut builder = GenericJointBuilder::new(locked)
+        .local_frame1(pose(&chain.parent_from_joint) * basis)
+        .local_frame2(basis)
+        .softness(SpringCoefficients::new(1.0e6, 1.0))
+        .contacts_enabled(false);
+    for axis in motors {
+        builder = builder
+            .motor_model(*axis, MotorModel::ForceBased)
+            .set_motor(*axis, 0.0, 0.0, gains.stiffness_nm_rad, gains.damping_nms_rad)
+            .motor_max_force(*axis, effort);
+    }
+    let (parent, child) = (segments[chain.parent_segment], segments[chain.segment]);
+    let handle = engine.joints.insert(parent, child, builder.build(), true);
+    Joint { chain, handle, gains, hinge_basis }
+}
