@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 use rprae::humanoid::Humanoid;
 use rprae::motion::{Body, Frame, Motion, joint_index};
 use rprae::simulation::{
-    GRAVITY_M_S2, JointForm, Level, Outcome, Rollout, RolloutSample, SimulationError, SimulationSettings, simulate,
+    EventKind, GRAVITY_M_S2, JointForm, Level, Outcome, Rollout, RolloutSample, SimulationError,
+    SimulationSettings, simulate,
 };
 
 const RATE_HZ: f64 = 100.0;
@@ -58,8 +59,8 @@ fn ground_and_assist_carry_the_weight_at_rest() {
         let settings = SimulationSettings { joint_form, ..SimulationSettings::default() };
         let rollout = run(&standing(duration), Level::L2, &settings);
         let at_rest: Vec<_> = rollout.samples.iter().filter(|s| s.time_secs > duration - 0.5).collect();
-        let carried: f64 =
-            at_rest.iter().map(|s| s.ground_force_n().z + s.assist_force_n.z).sum::<f64>() / at_rest.len() as f64;
+        let carried: f64 = at_rest.iter().map(|s| s.ground_force_n().z + s.assist_force_n.z).sum::<f64>()
+            / at_rest.len() as f64;
         assert!((carried / weight_n() - 1.0).abs() < 0.01, "{joint_form:?}: {carried} of {} N", weight_n());
     }
 }
@@ -136,7 +137,10 @@ fn friction_stays_in_its_cone_and_the_assist_in_its_bounds() {
         }
     }
     assert!(pulled <= limit * (1.0 + 1e-9) && pulled > 0.9 * limit, "{pulled} of {limit} N");
-    assert!(turned <= limit * settings.assist_arm_m * (1.0 + 1e-9) && turned > 0.5 * limit * settings.assist_arm_m);
+    assert!(
+        turned <= limit * settings.assist_arm_m * (1.0 + 1e-9)
+            && turned > 0.5 * limit * settings.assist_arm_m
+    );
     assert!(slipped > 0.4, "the test wants the feet to slip, {slipped}");
 }
 
@@ -152,7 +156,8 @@ fn a_held_arm_takes_the_torque_of_its_weight() {
         for (joint, first_link) in [(shoulder, "left_upper_arm"), (elbow, "left_forearm")] {
             let tree = &humanoid.robot.tree;
             let top = tree.link_index(first_link).unwrap();
-            let pivot = last.world_from_segment[humanoid.segment_links.iter().position(|&l| l == top).unwrap()];
+            let pivot =
+                last.world_from_segment[humanoid.segment_links.iter().position(|&l| l == top).unwrap()];
             // Moment of the weight of everything below the joint about its x axis through the pivot.
             let names = ["left_upper_arm", "left_forearm", "left_hand"];
             let below = names.iter().skip_while(|name| **name != first_link);
@@ -161,12 +166,16 @@ fn a_held_arm_takes_the_torque_of_its_weight() {
                     let link = tree.link_index(name).unwrap();
                     let segment = humanoid.segment_links.iter().position(|&l| l == link).unwrap();
                     let inertial = tree.links()[link].inertial.unwrap();
-                    let com = last.world_from_segment[segment] * nalgebra::Point3::from(inertial.com_in_link_m);
+                    let com =
+                        last.world_from_segment[segment] * nalgebra::Point3::from(inertial.com_in_link_m);
                     inertial.mass_kg * GRAVITY_M_S2 * (com.y - pivot.translation.y)
                 })
                 .sum();
             let found = last.joint_torques_nm[joint];
-            assert!(expected > 1.0 && (found / expected - 1.0).abs() < 0.05, "{joint_form:?} {found} {expected}");
+            assert!(
+                expected > 1.0 && (found / expected - 1.0).abs() < 0.05,
+                "{joint_form:?} {found} {expected}"
+            );
         }
     }
 }
@@ -196,7 +205,8 @@ fn both_joint_forms_agree_on_a_gesture() {
     });
     let mut squares = 0.0;
     for (a, b) in balls.samples.iter().zip(&reduced.samples) {
-        squares += a.joint_angles_rad.iter().zip(&b.joint_angles_rad).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
+        squares +=
+            a.joint_angles_rad.iter().zip(&b.joint_angles_rad).map(|(x, y)| (x - y).powi(2)).sum::<f64>();
     }
     let rms = (squares / (balls.samples.len() * 44) as f64).sqrt();
     assert!(rms < 0.01, "joint angles of the two forms differ by {rms} rad rms");
@@ -215,7 +225,8 @@ fn a_state_that_is_none_ends_the_rollout_with_its_time() {
     assert!(rollout.events.iter().any(|event| event.message == *reason));
 
     let buried = motion(0.2, |_, frame| frame.root_position_m[2] = -3.0);
-    let Outcome::Failed { reason, .. } = run(&buried, Level::L3, &SimulationSettings::default()).outcome else {
+    let Outcome::Failed { reason, .. } = run(&buried, Level::L3, &SimulationSettings::default()).outcome
+    else {
         panic!("a body under the floor must fail");
     };
     assert!(reason.contains("below the floor"), "{reason}");
@@ -234,7 +245,8 @@ fn refuses_levels_and_settings_it_cannot_run() {
     let settings = SimulationSettings { dt_secs: 0.5, ..SimulationSettings::default() };
     let error = simulate(&humanoid, &motion, Level::L2, &settings, &mut |_| {}).unwrap_err();
     assert!(error.to_string().contains("dt_secs"), "{error}");
-    let error = simulate(&humanoid, &motion, Level::L0, &SimulationSettings::default(), &mut |_| {}).unwrap_err();
+    let error =
+        simulate(&humanoid, &motion, Level::L0, &SimulationSettings::default(), &mut |_| {}).unwrap_err();
     assert_eq!(error, SimulationError::Level { level: Level::L0 });
 }
 
@@ -258,4 +270,22 @@ fn swing_lift_changes_the_command_but_not_what_errors_are_measured_against() {
         lifted = lifted.max((a.joint_angles_rad[knee] - b.joint_angles_rad[knee]).abs());
     }
     assert!(lifted > 0.05, "the knee should bend more, by {lifted} rad");
+}
+
+#[test]
+fn a_fall_is_an_event_with_its_time() {
+    let lying = motion(1.5, |_, frame| {
+        // Tilted far forward with nothing under the chest: without assist it falls.
+        frame.root_rotation_rad[0] = -0.6;
+    });
+    let rollout = run(&lying, Level::L3, &SimulationSettings::default());
+    let falls: Vec<_> = rollout.events.iter().filter(|event| event.kind == EventKind::Fall).collect();
+    assert_eq!(falls.len(), 1, "{:?}", rollout.events);
+    assert!(falls[0].time_secs > 0.1 && falls[0].time_secs < 1.5);
+    assert!(
+        run(&standing(0.5), Level::L2, &SimulationSettings::default())
+            .events
+            .iter()
+            .all(|event| event.kind != EventKind::Fall)
+    );
 }

@@ -120,6 +120,7 @@ pub fn simulate(
     let start = run.sample(&engine, &*body, 0.0, 1);
     observer(&start);
     rollout.samples.push(start);
+    let mut fallen = false;
     for step in 0..num_steps {
         let time_secs = step as f64 * settings.dt_secs;
         let target = command.at(time_secs);
@@ -138,6 +139,10 @@ pub fn simulate(
         if (step + 1) % steps_per_sample == 0 {
             let sample = run.sample(&engine, &*body, (step + 1) as f64 * settings.dt_secs, steps_per_sample);
             rollout.max_joint_drift_m = rollout.max_joint_drift_m.max(body.joint_drift_m(&engine));
+            if !fallen && let Some(message) = fall(humanoid, &sample) {
+                fallen = true;
+                rollout.events.push(Event { time_secs: sample.time_secs, kind: EventKind::Fall, message });
+            }
             observer(&sample);
             rollout.samples.push(sample);
         }
@@ -203,6 +208,24 @@ impl Run<'_> {
 fn reference_poses(humanoid: &Humanoid, target: &ReferenceState) -> SegmentPoses {
     let links = humanoid.robot.tree.forward(&target.world_from_root, &humanoid.tree_angles(&target.angles));
     humanoid.segment_links.map(|link| links[link])
+}
+
+/// Mean distance of the segments from the reference beyond which the body no longer performs the motion, metres.
+///
+/// The success rule of UHC and PHC.
+pub const LOST_TRACK_M: f64 = 0.5;
+
+/// Why the body has fallen, if so: something else than a foot on the ground, or far from the reference.
+fn fall(humanoid: &Humanoid, sample: &RolloutSample) -> Option<String> {
+    let is_foot = |segment: usize| {
+        humanoid.sole_points.iter().any(|point| point.link == humanoid.segment_links[segment])
+    };
+    if let Some(contact) = sample.contacts.iter().find(|contact| !is_foot(contact.segment)) {
+        let link = &humanoid.robot.tree.links()[humanoid.segment_links[contact.segment]];
+        return Some(format!("the {} touched the ground", link.name.replace('_', " ")));
+    }
+    let distance = sample.mean_distance_m();
+    (distance > LOST_TRACK_M).then(|| format!("the body is {distance:.2} m from the motion on average"))
 }
 
 /// Why the state is no state any more, if so.

@@ -54,6 +54,16 @@ impl RolloutSample {
     pub fn ground_force_n(&self) -> Vector3<f64> {
         self.contacts.iter().map(|contact| contact.force_n).sum()
     }
+
+    /// Mean distance of the segments' origins from the reference, metres.
+    #[must_use]
+    pub fn mean_distance_m(&self) -> f64 {
+        let pairs = self.world_from_segment.iter().zip(&self.reference_world_from_segment);
+        pairs
+            .map(|(pose, reference)| (pose.translation.vector - reference.translation.vector).norm())
+            .sum::<f64>()
+            / NUM_SEGMENTS as f64
+    }
 }
 
 /// How a rollout ended.
