@@ -62,8 +62,11 @@ fn write_chain(text: &mut String, segment: &Segment, body: Body) {
     let mut pose = Isometry3::from_parts(Translation3::from(offset), UnitQuaternion::from(rotation));
     let mut parent = segment.parent.to_owned();
     for (position, short_name) in segment.chain.iter().enumerate() {
-        let Some(joint) = joint_index(short_name).map(|index| &JOINTS[index]) else {
-            unreachable!("the segment table names KIT joints only, as its test checks");
+        let joint = joint_index(short_name).map(|index| &JOINTS[index]);
+        let (Some(joint), Some(limits)) = (joint, strength(short_name)) else {
+            unreachable!(
+                "the segment table names KIT joints only, and the tests build a humanoid from all of it"
+            );
         };
         let child = if position + 1 == segment.chain.len() {
             segment.name.to_owned()
@@ -83,7 +86,6 @@ fn write_chain(text: &mut String, segment: &Segment, body: Body) {
             crate::motion::skeleton::Axis::Y => "0 1 0",
             crate::motion::skeleton::Axis::Z => "0 0 1",
         };
-        let limits = strength(short_name);
         let _ = writeln!(
             text,
             "  <joint name=\"{}\" type=\"revolute\">\n    <parent link=\"{parent}\"/><child link=\"{child}\"/>\n    {}\n    \
@@ -92,7 +94,7 @@ fn write_chain(text: &mut String, segment: &Segment, body: Body) {
             origin(&pose),
             number(joint.lower_rad),
             number(joint.upper_rad),
-            number(limits.torque_nm_per_kg * body.mass_kg),
+            number(limits.effort_nm(body)),
             number(limits.velocity_rad_s),
         );
         parent = child;
