@@ -178,13 +178,14 @@ fn insert_joint(engine: &mut Engine, segments: &[RigidBodyHandle; NUM_SEGMENTS],
         None => (JointAxesMask::LOCKED_SPHERICAL_AXES, &ANGULAR[..]),
     };
     let basis = Pose::from_rotation(rotation(&hinge_basis.unwrap_or_default()));
-    let effort = chain.axes.iter().map(|axis| axis.effort_nm).fold(f64::INFINITY, f64::min);
     let mut builder = GenericJointBuilder::new(locked)
         .local_frame1(pose(&chain.parent_from_joint) * basis)
         .local_frame2(basis)
         .softness(SpringCoefficients::new(1.0e6, 1.0))
         .contacts_enabled(false);
-    for axis in motors {
+    for (index, axis) in motors.iter().enumerate() {
+        let effort =
+            if hinge_basis.is_some() { chain.axes[0].effort_nm } else { effort_along(&chain, index) };
         builder = builder
             .motor_model(*axis, MotorModel::ForceBased)
             .set_motor(*axis, 0.0, 0.0, gains.stiffness_nm_rad, gains.damping_nms_rad)
@@ -193,4 +194,17 @@ fn insert_joint(engine: &mut Engine, segments: &[RigidBodyHandle; NUM_SEGMENTS],
     let (parent, child) = (segments[chain.parent_segment], segments[chain.segment]);
     let handle = engine.joints.insert(parent, child, builder.build(), true);
     Joint { chain, handle, gains, hinge_basis }
+}
+
+/// Torque limit of a ball about one axis of its target frame: that of the hinge which lies along it at zero angles.
+///
+/// Away from zero the ball's axes turn with the target and the hinges' do not all, so the bound is that of the nearest
+/// hinge only approximately.
+/// An axis the chain lacks is held by the joint's structure, as strongly as its strongest hinge.
+fn effort_along(chain: &Chain, index: usize) -> f64 {
+    let along = chain.axes.iter().find(|axis| axis.axis[index].abs() > 0.7);
+    along.map_or_else(
+        || chain.axes.iter().map(|axis| axis.effort_nm).fold(0.0, f64::max),
+        |axis| axis.effort_nm,
+    )
 }
