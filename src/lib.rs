@@ -1,6 +1,7 @@
 //! Simulation-in-the-loop evaluation of language <-> whole-body motion models.
 
 pub mod dataset;
+pub mod dynamics;
 pub mod humanoid;
 pub mod kinematics;
 pub mod motion;

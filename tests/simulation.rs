@@ -1,5 +1,7 @@
 //! The simulation against closed forms, against itself, and against its own bounds.
 
+#![expect(clippy::unwrap_used, reason = "a test that cannot unwrap has failed")]
+
 use nalgebra::Vector3;
 use rprae::humanoid::Humanoid;
 use rprae::motion::{Body, Frame, Motion, joint_index};

@@ -3,6 +3,7 @@
 use rapier3d_f64::prelude::RigidBodyHandle;
 
 use super::engine::{Engine, from_pose};
+use super::feed_forward::SegmentMoments;
 use super::reference::ReferenceState;
 use super::rollout::SegmentPoses;
 use crate::humanoid::NUM_SEGMENTS;
@@ -13,8 +14,8 @@ pub(super) trait Articulation {
     /// Bodies of the rigid segments; the first is the root.
     fn segments(&self) -> &[RigidBodyHandle; NUM_SEGMENTS];
 
-    /// Sets the springs' rest state for the coming step.
-    fn command(&mut self, engine: &mut Engine, target: &ReferenceState);
+    /// Sets the springs' rest state for the coming step; `moments` are added to what the springs do.
+    fn command(&mut self, engine: &mut Engine, target: &ReferenceState, moments: &SegmentMoments);
 
     /// Joint angles (rad) and speeds (rad/s), KIT order.
     fn angles_and_speeds(&self, engine: &Engine) -> ([f64; NUM_JOINTS], [f64; NUM_JOINTS]);

@@ -12,6 +12,7 @@ use super::articulation::Articulation;
 use super::body::{AddedInertia, insert_link};
 use super::chain::Chain;
 use super::engine::{Engine, from_pose, from_rotation, from_vector, pose, rotation, vector};
+use super::feed_forward::SegmentMoments;
 use super::gains::{Gains, gains};
 use super::reference::ReferenceState;
 use crate::humanoid::{Humanoid, NUM_SEGMENTS};
@@ -78,20 +79,21 @@ impl Articulation for Balls {
         &self.segments
     }
 
-    fn command(&mut self, engine: &mut Engine, target: &ReferenceState) {
+    fn command(&mut self, engine: &mut Engine, target: &ReferenceState, moments: &SegmentMoments) {
         for Joint { chain, handle, gains, hinge_basis } in &self.joints {
             let Some(joint) = engine.joints.get_mut(*handle, false) else { continue };
             let (kp, kd) = (gains.stiffness_nm_rad, gains.damping_nms_rad);
             if hinge_basis.is_some() {
-                let kit = chain.axes[0].kit;
-                joint.data.set_motor(JointAxis::AngX, target.angles[kit], target.speeds[kit], kp, kd);
+                let axis = &chain.axes[0];
+                let rest = target.angles[axis.kit] + axis.axis.dot(&moments[chain.segment]) / kp;
+                joint.data.set_motor(JointAxis::AngX, rest, target.speeds[axis.kit], kp, kd);
             } else {
                 let (turn, omega) = chain.turn(&target.angles, &target.speeds);
                 joint.data.local_frame1 =
                     pose(&chain.parent_from_joint) * Pose::from_rotation(rotation(&turn));
                 let omega = turn.inverse() * omega;
                 for (index, axis) in ANGULAR.into_iter().enumerate() {
-                    joint.data.set_motor(axis, 0.0, omega[index], kp, kd);
+                    joint.data.set_motor(axis, moments[chain.segment][index] / kp, omega[index], kp, kd);
                 }
             }
         }

@@ -14,12 +14,14 @@ mod body;
 mod chain;
 mod contact;
 mod engine;
+mod feed_forward;
 mod gains;
 mod multibody;
 mod reference;
 mod retarget;
 mod rollout;
 mod settings;
+mod sole;
 
 pub use engine::GRAVITY_M_S2;
 pub use gains::{Gains, gains};
@@ -35,6 +37,7 @@ use assist::{Assist, Wrench};
 use balls::Balls;
 use contact::ContactSum;
 use engine::Engine;
+use feed_forward::FeedForward;
 use multibody::Multibody;
 use reference::{Reference, ReferenceState};
 
@@ -92,6 +95,10 @@ pub fn simulate(
     let command = Reference::new(&retargeted.command);
     let chains = chain::chains(humanoid).map_err(|link| SimulationError::Chain { link })?;
 
+    let feed_forward = settings
+        .feed_forward
+        .then(|| FeedForward::new(humanoid, &retargeted.command, &chains, settings.friction));
+
     let mut engine = Engine::new(settings);
     let start = command.at(0.0);
     let mut body: Box<dyn Articulation> = match settings.joint_form {
@@ -124,7 +131,9 @@ pub fn simulate(
     for step in 0..num_steps {
         let time_secs = step as f64 * settings.dt_secs;
         let target = command.at(time_secs);
-        body.command(&mut engine, &target);
+        let moments =
+            feed_forward.as_ref().map_or([Vector3::zeros(); NUM_SEGMENTS], |known| known.at(time_secs));
+        body.command(&mut engine, &target, &moments);
         if let Some(assist) = &assist {
             assist.command(&mut engine, &target);
         }

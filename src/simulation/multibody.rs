@@ -11,6 +11,7 @@ use super::articulation::Articulation;
 use super::body::{AddedInertia, insert_link};
 use super::chain::Chain;
 use super::engine::{Engine, pose, rotation};
+use super::feed_forward::SegmentMoments;
 use super::gains::{Gains, gains};
 use super::reference::ReferenceState;
 use crate::humanoid::{Humanoid, NUM_SEGMENTS};
@@ -35,6 +36,7 @@ pub(super) struct Multibody {
     segments: [RigidBodyHandle; NUM_SEGMENTS],
     handle: MultibodyJointHandle,
     axes: Vec<Axis>,
+    chains: Vec<Chain>,
 }
 
 impl Multibody {
@@ -92,7 +94,12 @@ impl Multibody {
                 rest_rad: 0.0,
             });
         }
-        let multibody = Self { segments: humanoid.segment_links.map(|link| links[link]), handle, axes };
+        let multibody = Self {
+            segments: humanoid.segment_links.map(|link| links[link]),
+            handle,
+            axes,
+            chains: chains.to_vec(),
+        };
         multibody.set_state(engine, start);
         Some(multibody)
     }
@@ -120,7 +127,15 @@ impl Articulation for Multibody {
         &self.segments
     }
 
-    fn command(&mut self, engine: &mut Engine, target: &ReferenceState) {
+    fn command(&mut self, engine: &mut Engine, target: &ReferenceState, moments: &SegmentMoments) {
+        let mut feed_forward = [0.0; NUM_JOINTS];
+        for chain in &self.chains {
+            let (joint_from_segment, _) = chain.turn(&target.angles, &target.speeds);
+            let in_joint = joint_from_segment * moments[chain.segment];
+            for (kit, axis) in chain.axes_in_joint(&target.angles) {
+                feed_forward[kit] = axis.dot(&in_joint);
+            }
+        }
         let Some((multibody, _)) = engine.multibodies.get_mut(self.handle) else { return };
         for axis in &mut self.axes {
             let speed = multibody.generalized_velocity()[axis.coordinate];
@@ -128,7 +143,8 @@ impl Articulation for Multibody {
             let Some(link) = multibody.link_mut(axis.link) else { continue };
             let angle = link.joint().coords()[3];
             // The damper acts on the joint speed, so the commanded speed enters through the rest angle.
-            let mut rest = target.angles[axis.kit] + kd / kp * target.speeds[axis.kit];
+            let mut rest =
+                target.angles[axis.kit] + (kd * target.speeds[axis.kit] + feed_forward[axis.kit]) / kp;
             let torque = kp * (rest - angle) - kd * speed;
             if torque.abs() > axis.effort_nm {
                 rest = angle + (torque.signum() * axis.effort_nm + kd * speed) / kp;

@@ -1,21 +1,24 @@
 //! Changes made to a motion before physics sees it; each is named, bounded and reported.
 //!
+//! - *sole levelling*: recorded feet stand with the heel two centimetres up, a matter of shoes and marker fit; ankle and toe
+//!   angles get a constant offset per foot so that the median sole of flat stance is level, by a bounded amount;
 //! - *ground shift*: the whole motion is moved vertically so that the soles of stance meet the floor, by a bounded amount
 //!   (an unbounded shift would hide floating);
 //! - *limit clamp*: angles beyond the joint limits are cut, since the body cannot reach them;
 //! - *swing lift*: recorded feet pass the floor by a few millimetres, and simulated ones then scuff and trip, so the
 //!   swinging leg is bent a little more. Only the command is lifted; errors are measured against the unlifted motion.
 
-use nalgebra::Point3;
-
+use super::sole::{Sole, SoleTracks};
 use super::{Event, EventKind, SimulationSettings};
 use crate::humanoid::{Humanoid, Side};
 use crate::motion::{Frame, JOINTS, Motion, MotionError, joint_index};
 
-/// A sole point slower than this is taken to stand, m/s.
-const STANCE_SPEED_M_S: f64 = 0.3;
-/// Half the time over which sole speeds are measured, seconds.
-const SPEED_HALF_WINDOW_SECS: f64 = 0.02;
+/// Largest slope of a standing sole that is taken for a fault of marker fit and shoes, radians.
+const LARGEST_LEVELLING_RAD: f64 = 0.2;
+/// Share of the frames in which both feet must stand for the soles to be levelled.
+const STANDING_SHARE: f64 = 0.95;
+/// Largest difference in height of the two levelled soles, metres; a larger one says that the fit is off elsewhere.
+const LARGEST_STEP_M: f64 = 0.005;
 /// A foot that clears the floor by this much needs no lift, metres.
 const ENOUGH_CLEARANCE_M: f64 = 0.05;
 /// Full lift: knee, hip and ankle angles added, radians.
@@ -56,11 +59,11 @@ pub(super) fn retarget(
         note(format!("joint angles beyond their limits were cut, {share:.2} % of all"));
     }
 
-    let soles = SoleTracks::new(humanoid, &clamped);
-    let standing = soles.standing_height_m();
+    let levelled = if settings.sole_levelling { level_soles(humanoid, clamped, &mut note)? } else { clamped };
+    let standing = SoleTracks::new(humanoid, &levelled).standing_height_m();
     let limit = settings.ground_correction_limit_m;
     let shift = (-standing.unwrap_or(0.0)).clamp(-limit, limit);
-    let reference = clamped.map_frames(|_, frame| frame.root_position_m[2] += shift)?;
+    let reference = levelled.map_frames(|_, frame| frame.root_position_m[2] += shift)?;
     if let Some(standing) = standing.filter(|_| limit > 0.0) {
         note(format!(
             "moved {:+.1} mm vertically, stance soles were at {:+.1} mm",
@@ -71,9 +74,10 @@ pub(super) fn retarget(
 
     let mut command = reference.clone();
     if settings.swing_lift {
+        let soles = SoleTracks::new(humanoid, &reference);
         let mut longest: f64 = 0.0;
         for side in [Side::Left, Side::Right] {
-            let lift = soles.lift(side, shift);
+            let lift = lift(&soles, side);
             longest = lift.iter().copied().fold(longest, f64::max);
             command = command.map_frames(|index, frame| raise(frame, side, lift[index]))?;
         }
@@ -82,6 +86,75 @@ pub(super) fn retarget(
         }
     }
     Ok(Retargeted { reference, command, events })
+}
+
+/// Levels the soles of a motion that stands, by constant offsets of ankle and toe angles.
+///
+/// A motion that steps keeps its ankles: turning them would make the heel of the swinging foot scuff.
+/// So does one whose soles, once level, would not lie on one floor.
+fn level_soles(
+    humanoid: &Humanoid,
+    motion: Motion,
+    note: &mut impl FnMut(String),
+) -> Result<Motion, MotionError> {
+    let soles = SoleTracks::new(humanoid, &motion);
+    let standing = soles.feet.iter().filter(|feet| feet.iter().all(Sole::stands)).count();
+    if (standing as f64) < STANDING_SHARE * soles.feet.len() as f64 {
+        return Ok(motion);
+    }
+    let mut messages = Vec::new();
+    let levelled = with_level_soles(humanoid, motion.clone(), &mut messages)?;
+    let soles = SoleTracks::new(humanoid, &levelled);
+    let height = |foot| soles.standing_median(foot, |sole: &Sole| sole.lowest_m);
+    if let (Some(left), Some(right)) = (height(0), height(1))
+        && (left - right).abs() > LARGEST_STEP_M
+    {
+        return Ok(motion);
+    }
+    messages.into_iter().for_each(note);
+    Ok(levelled)
+}
+
+fn with_level_soles(
+    humanoid: &Humanoid,
+    mut motion: Motion,
+    messages: &mut Vec<String>,
+) -> Result<Motion, MotionError> {
+    for (foot, prefix) in ["L", "R"].into_iter().enumerate() {
+        let joint = |suffix: &str| joint_index(&format!("{prefix}{suffix}"));
+        let (Some(pitch), Some(roll), Some(toe)) = (joint("Ax"), joint("Ay"), joint("Fx")) else { continue };
+        let mut sum = [0.0; 3];
+        // The axes are not quite along the slopes, so a second round removes what the first one left.
+        for _ in 0..2 {
+            let soles = SoleTracks::new(humanoid, &motion);
+            let slopes = [
+                soles.standing_median(foot, |sole| sole.pitch_rad),
+                soles.standing_median(foot, |sole| sole.roll_rad),
+                soles.standing_median(foot, |sole| sole.toe_pitch_rad - sole.pitch_rad),
+            ];
+            let [Some(pitch_rad), Some(roll_rad), Some(toe_rad)] = slopes else { break };
+            // Positive x lifts the front, positive y lowers the right side.
+            let wanted = [sum[0] - pitch_rad, sum[1] + roll_rad, sum[2] - toe_rad];
+            let bounded = wanted.map(|offset| offset.clamp(-LARGEST_LEVELLING_RAD, LARGEST_LEVELLING_RAD));
+            let change = [0, 1, 2].map(|index| bounded[index] - sum[index]);
+            sum = bounded;
+            motion = motion.map_frames(|_, frame| {
+                for (joint, offset) in [pitch, roll, toe].into_iter().zip(change) {
+                    let angle = frame.joint_angles_rad[joint] + offset;
+                    frame.joint_angles_rad[joint] =
+                        angle.clamp(JOINTS[joint].lower_rad, JOINTS[joint].upper_rad);
+                }
+            })?;
+        }
+        if sum.iter().any(|offset| offset.abs() > 1e-3) {
+            let [pitch, roll, toe] = sum.map(f64::to_degrees);
+            let side = if foot == 0 { "left" } else { "right" };
+            messages.push(format!(
+                "levelled the {side} sole of stance: ankle {pitch:+.1} deg pitch, {roll:+.1} deg roll, toes {toe:+.1} deg"
+            ));
+        }
+    }
+    Ok(motion)
 }
 
 fn raise(frame: &mut Frame, side: Side, lift: f64) {
@@ -95,75 +168,22 @@ fn raise(frame: &mut Frame, side: Side, lift: f64) {
     }
 }
 
-/// Heights and speeds of both soles over a motion.
-struct SoleTracks {
-    interval_secs: f64,
-    /// Per frame and foot (left, right): speed of the slowest sole point, m/s, and height of the lowest, metres.
-    feet: Vec<[(f64, f64); 2]>,
-}
-
-impl SoleTracks {
-    fn new(humanoid: &Humanoid, motion: &Motion) -> Self {
-        let points: Vec<Vec<Point3<f64>>> = motion
-            .frames()
-            .iter()
-            .map(|frame| humanoid.sole_points_in_world(&humanoid.forward(frame)).collect())
-            .collect();
-        let reach = (SPEED_HALF_WINDOW_SECS * motion.rate_hz()).round().max(1.0) as usize;
-        let last = points.len() - 1;
-        let feet = (0..points.len())
-            .map(|frame| {
-                let (before, after) = (frame.saturating_sub(reach), (frame + reach).min(last));
-                let elapsed = (after - before) as f64 / motion.rate_hz();
-                [Side::Left, Side::Right].map(|side| {
-                    let mut slowest = f64::INFINITY;
-                    let mut lowest = f64::INFINITY;
-                    for (index, point) in
-                        humanoid.sole_points.iter().enumerate().filter(|(_, p)| p.side == side)
-                    {
-                        let moved = (points[after][index] - points[before][index]).norm();
-                        slowest = slowest.min(if elapsed > 0.0 { moved / elapsed } else { 0.0 });
-                        lowest = lowest.min(points[frame][index].z);
-                        debug_assert_eq!(point.side, side);
-                    }
-                    (slowest, lowest)
-                })
-            })
-            .collect();
-        Self { interval_secs: 1.0 / motion.rate_hz(), feet }
-    }
-
-    /// Median height of the lowest sole point of standing feet; `None` when no foot ever stands.
-    fn standing_height_m(&self) -> Option<f64> {
-        let mut heights: Vec<f64> = self
-            .feet
-            .iter()
-            .filter_map(|feet| {
-                let standing = feet.iter().filter(|(speed, _)| *speed < STANCE_SPEED_M_S);
-                standing.map(|(_, height)| *height).min_by(f64::total_cmp)
-            })
-            .collect();
-        heights.sort_by(f64::total_cmp);
-        heights.get(heights.len() / 2).copied()
-    }
-
-    /// Lift of one foot per frame, 0 to 1, smooth.
-    ///
-    /// A foot swings while no point of it stands and the other foot does; in flight both legs keep their course.
-    fn lift(&self, side: Side, shift_m: f64) -> Vec<f64> {
-        let (own, other) = if side == Side::Left { (0, 1) } else { (1, 0) };
-        let raw: Vec<f64> = self
-            .feet
-            .iter()
-            .map(|feet| {
-                let swinging = feet[own].0 >= STANCE_SPEED_M_S && feet[other].0 < STANCE_SPEED_M_S;
-                let missing = (ENOUGH_CLEARANCE_M - (feet[own].1 + shift_m)) / ENOUGH_CLEARANCE_M;
-                if swinging { missing.clamp(0.0, 1.0) } else { 0.0 }
-            })
-            .collect();
-        let reach = (LIFT_SMOOTHING_SECS / self.interval_secs).round() as usize;
-        moving_average(&moving_average(&raw, reach), reach)
-    }
+/// Lift of one foot per frame, 0 to 1, smooth.
+///
+/// A foot swings while no point of it stands and the other foot does; in flight both legs keep their course.
+fn lift(soles: &SoleTracks, side: Side) -> Vec<f64> {
+    let (own, other) = if side == Side::Left { (0, 1) } else { (1, 0) };
+    let raw: Vec<f64> = soles
+        .feet
+        .iter()
+        .map(|feet| {
+            let swinging = !feet[own].stands() && feet[other].stands();
+            let missing = (ENOUGH_CLEARANCE_M - feet[own].lowest_m) / ENOUGH_CLEARANCE_M;
+            if swinging { missing.clamp(0.0, 1.0) } else { 0.0 }
+        })
+        .collect();
+    let reach = (LIFT_SMOOTHING_SECS / soles.interval_secs).round() as usize;
+    moving_average(&moving_average(&raw, reach), reach)
 }
 
 /// Mean over `reach` values on either side, with the ends held.

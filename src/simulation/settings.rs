@@ -49,8 +49,12 @@ pub struct SimulationSettings {
     pub friction: f64,
     /// Samples recorded per second; rounded to a whole number of steps. Default 120.
     pub record_rate_hz: f64,
+    /// Give the joints the moments that inverse dynamics finds for the motion, so that springs only correct. Default on.
+    pub feed_forward: bool,
     /// Lift the swing foot of the reference (a named retarget: recorded feet scuff the floor). Default on.
     pub swing_lift: bool,
+    /// Level the soles of a motion that stands by constant ankle and toe offsets (a named retarget). Default on.
+    pub sole_levelling: bool,
     /// Largest vertical shift of the reference onto the floor, metres. Default 0.03; larger hides floating.
     pub ground_correction_limit_m: f64,
 }
@@ -65,7 +69,9 @@ impl Default for SimulationSettings {
             assist_arm_m: 0.5,
             friction: 0.8,
             record_rate_hz: 120.0,
+            feed_forward: true,
             swing_lift: true,
+            sole_levelling: true,
             ground_correction_limit_m: 0.03,
         }
     }

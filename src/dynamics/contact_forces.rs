@@ -1,0 +1,184 @@
+//! Contact forces that explain a movement.
+//!
+//! A free body can only accelerate as the ground pushes it.
+//! Given the wrench the root would need if nothing touched the body, this finds forces at the sole points, inside friction
+//! cones, that come closest to it; what they cannot give is the residual.
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
+
+/// Forces found for one instant.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ContactForces {
+    /// Force on the body at each candidate point, world, N, in the order given.
+    pub forces_n: Vec<Vector3<f64>>,
+    /// Part of the wanted force that no admissible contact force gives, world, N.
+    pub residual_force_n: Vector3<f64>,
+    /// Part of the wanted moment about the root that none gives, world, N m.
+    pub residual_moment_nm: Vector3<f64>,
+}
+
+/// Finds contact forces inside friction cones.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactSolver {
+    /// Coulomb friction coefficient between sole and ground.
+    pub friction: f64,
+    /// Body weight, N; forces are scaled by it.
+    pub weight_n: f64,
+    /// Body height, metres; moments are scaled by weight times a tenth of it.
+    pub height_m: f64,
+}
+
+/// Weight of the squared contact forces against the squared residual, both in body weights.
+///
+/// Small enough that it leaves the residual alone, large enough that the forces spread over the points that can carry.
+const REGULARISATION: f64 = 1.0e-5;
+/// Height at which a point costs twice as much as one on the floor, metres: what is higher carries less.
+const SOFT_HEIGHT_M: f64 = 0.01;
+
+impl ContactSolver {
+    /// Forces at `points` (each with its height above the floor, metres) that best give the root its wanted wrench.
+    ///
+    /// The wanted moment is about `root`.
+    /// Minimises |residual force / weight|^2 + |residual moment / (weight height / 10)|^2 + a small multiple of the forces'
+    /// squares, over the product of second-order cones |tangential| <= friction * normal.
+    /// Without points, or should the solver fail, all is residual.
+    #[must_use]
+    pub fn solve(
+        &self,
+        points: &[(Point3<f64>, f64)],
+        root: &Vector3<f64>,
+        wanted_force_n: &Vector3<f64>,
+        wanted_moment_nm: &Vector3<f64>,
+    ) -> ContactForces {
+        let unexplained = ContactForces {
+            forces_n: vec![Vector3::zeros(); points.len()],
+            residual_force_n: *wanted_force_n,
+            residual_moment_nm: *wanted_moment_nm,
+        };
+        if points.is_empty() {
+            return unexplained;
+        }
+        let moment_scale = self.weight_n * self.height_m / 10.0;
+        let num_columns = 3 * points.len();
+        // Wrench of unit forces (in body weights), force rows over moment rows, scaled.
+        let mut wrench = DMatrix::zeros(6, num_columns);
+        for (index, (point, _)) in points.iter().enumerate() {
+            let lever = (point.coords - root) * (self.weight_n / moment_scale);
+            wrench.view_mut((0, 3 * index), (3, 3)).copy_from(&nalgebra::Matrix3::identity());
+            wrench.view_mut((3, 3 * index), (3, 3)).copy_from(&lever.cross_matrix());
+        }
+        let force = wanted_force_n / self.weight_n;
+        let moment = wanted_moment_nm / moment_scale;
+        let wanted = DVector::from_iterator(6, force.iter().chain(moment.iter()).copied());
+        let mut quadratic = wrench.transpose() * &wrench * 2.0;
+        for (index, (_, height_m)) in points.iter().enumerate() {
+            let cost = REGULARISATION * (1.0 + (height_m.max(0.0) / SOFT_HEIGHT_M).powi(2));
+            for axis in 0..3 {
+                quadratic[(3 * index + axis, 3 * index + axis)] += 2.0 * cost;
+            }
+        }
+        let linear: Vec<f64> = (wrench.transpose() * &wanted * -2.0).iter().copied().collect();
+        let Some(solution) = self.minimise(&quadratic, &linear, points.len()) else { return unexplained };
+
+        let residual = wanted - wrench * &solution;
+        let forces_n = (0..points.len())
+            .map(|index| {
+                Vector3::new(solution[3 * index], solution[3 * index + 1], solution[3 * index + 2])
+                    * self.weight_n
+            })
+            .collect();
+        ContactForces {
+            forces_n,
+            residual_force_n: Vector3::new(residual[0], residual[1], residual[2]) * self.weight_n,
+            residual_moment_nm: Vector3::new(residual[3], residual[4], residual[5]) * moment_scale,
+        }
+    }
+
+    /// Minimises `x'Qx/2 + c'x` with every triple of `x` in its friction cone.
+    fn minimise(&self, quadratic: &DMatrix<f64>, linear: &[f64], num_points: usize) -> Option<DVector<f64>> {
+        let upper = upper_triangle(quadratic);
+        // Cone of a point: (friction * z, x, y), written as s = b - A x with b = 0.
+        let mut cone = DMatrix::zeros(3 * num_points, 3 * num_points);
+        for point in 0..num_points {
+            cone[(3 * point, 3 * point + 2)] = -self.friction;
+            cone[(3 * point + 1, 3 * point)] = -1.0;
+            cone[(3 * point + 2, 3 * point + 1)] = -1.0;
+        }
+        let cones = vec![SupportedConeT::SecondOrderConeT(3); num_points];
+        let settings = DefaultSettings { verbose: false, ..DefaultSettings::default() };
+        let zeros = vec![0.0; 3 * num_points];
+        let mut solver = DefaultSolver::new(&upper, linear, &sparse(&cone), &zeros, &cones, settings).ok()?;
+        solver.solve();
+        matches!(solver.solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved)
+            .then(|| DVector::from_vec(solver.solution.x.clone()))
+    }
+}
+
+fn sparse(matrix: &DMatrix<f64>) -> CscMatrix<f64> {
+    compress(matrix, |_, _| true)
+}
+
+fn upper_triangle(matrix: &DMatrix<f64>) -> CscMatrix<f64> {
+    compress(matrix, |row, column| row <= column)
+}
+
+fn compress(matrix: &DMatrix<f64>, keep: impl Fn(usize, usize) -> bool) -> CscMatrix<f64> {
+    let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+    for column in 0..matrix.ncols() {
+        for row in 0..matrix.nrows() {
+            let value = matrix[(row, column)];
+            if value != 0.0 && keep(row, column) {
+                rows.push(row);
+                values.push(value);
+            }
+        }
+        starts.push(rows.len());
+    }
+    CscMatrix::new(matrix.nrows(), matrix.ncols(), starts, rows, values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOLVER: ContactSolver = ContactSolver { friction: 0.8, weight_n: 700.0, height_m: 1.75 };
+
+    fn square() -> Vec<(Point3<f64>, f64)> {
+        [(-0.1, -0.1), (0.1, -0.1), (-0.1, 0.1), (0.1, 0.1)]
+            .map(|(x, y)| (Point3::new(x, y, 0.0), 0.0))
+            .to_vec()
+    }
+
+    #[test]
+    fn weight_over_the_middle_is_shared_alike() {
+        let root = Vector3::new(0.0, 0.0, 0.9);
+        let found = SOLVER.solve(&square(), &root, &Vector3::new(0.0, 0.0, 700.0), &Vector3::zeros());
+        assert!(found.residual_force_n.norm() < 0.1, "{found:?}");
+        assert!(found.residual_moment_nm.norm() < 0.1, "{found:?}");
+        assert!(found.forces_n.iter().all(|force| (force.z - 175.0).abs() < 0.5), "{found:?}");
+    }
+
+    #[test]
+    fn a_pull_is_residual_and_a_push_sideways_stops_at_the_cone() {
+        let root = Vector3::new(0.0, 0.0, 0.9);
+        let pull = SOLVER.solve(&square(), &root, &Vector3::new(0.0, 0.0, -100.0), &Vector3::zeros());
+        assert!((pull.residual_force_n.z + 100.0).abs() < 0.5, "{pull:?}");
+        // Sideways by twice what friction gives, through the floor so that no moment arises.
+        let floor = Vector3::zeros();
+        let slide =
+            SOLVER.solve(&square(), &floor, &Vector3::new(2.0 * 0.8 * 700.0, 0.0, 700.0), &Vector3::zeros());
+        for force in &slide.forces_n {
+            assert!(force.xy().norm() <= 0.8 * force.z + 0.1, "{force}");
+        }
+        assert!(slide.residual_force_n.norm() > 100.0, "{slide:?}");
+    }
+
+    #[test]
+    fn nothing_to_stand_on_leaves_everything_unexplained() {
+        let wanted = Vector3::new(1.0, 2.0, 3.0);
+        let found = SOLVER.solve(&[], &Vector3::zeros(), &wanted, &wanted);
+        assert_eq!((found.residual_force_n, found.residual_moment_nm), (wanted, wanted));
+    }
+}
