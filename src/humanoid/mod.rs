@@ -3,10 +3,13 @@
 //! In: a [`Body`]. Out: [`Humanoid`], its URDF, its kinematic tree and the points of its soles.
 //! Joint names are KIT's; three-axis joints act x, then z, then y along the chain, elbows x then z, wrists x then y.
 
+mod foot;
+mod mass;
 mod segments;
 mod strength;
 mod urdf;
 
+pub use foot::{Side, SolePoint, SoleRegion};
 pub use segments::ROOT_HEIGHT_FRACTION;
 
 use nalgebra::{Isometry3, Point3};
@@ -16,39 +19,6 @@ use crate::robot::{Robot, RobotError, parse_urdf};
 
 /// Number of rigid segments with mass.
 pub const NUM_SEGMENTS: usize = segments::SEGMENTS.len();
-
-/// Left or right half of the body.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Side {
-    /// Left (-x).
-    Left,
-    /// Right (+x).
-    Right,
-}
-
-/// Part of the sole.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum SoleRegion {
-    /// Back of the rear foot.
-    Heel,
-    /// Front of the midfoot, under the toe joint.
-    Ball,
-    /// Tip of the toes.
-    Toe,
-}
-
-/// A point of the sole that can touch the ground.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SolePoint {
-    /// Foot it belongs to.
-    pub side: Side,
-    /// Part of the sole.
-    pub region: SoleRegion,
-    /// Index of its link in the tree.
-    pub link: usize,
-    /// Position in the link frame, metres.
-    pub point_in_link_m: Point3<f64>,
-}
 
 /// A body of given height and mass as a robot.
 #[derive(Debug, Clone)]
@@ -95,17 +65,7 @@ impl Humanoid {
         for (index, segment) in segments::SEGMENTS.iter().enumerate() {
             let link = robot.tree.link_index(segment.name).ok_or_else(|| missing(segment.name))?;
             segment_links[index] = link;
-            let side = if segment.name.starts_with("left") { Side::Left } else { Side::Right };
-            let Some(region) = sole_region(segment.name) else { continue };
-            for solid in segment.solids {
-                let urdf::Placed::Box { pose, size_m } = urdf::place(segment, solid, body) else { continue };
-                // The two lower corners at the end of the block that touches first: back of the heel, front of the others.
-                let end = if region == SoleRegion::Heel { -0.5 } else { 0.5 };
-                for half in [-0.5, 0.5] {
-                    let corner = Point3::new(half * size_m.x, end * size_m.y, -0.5 * size_m.z);
-                    sole_points.push(SolePoint { side, region, link, point_in_link_m: pose * corner });
-                }
-            }
+            sole_points.extend(foot::sole_points(segment, link, body));
         }
         segment_links.sort_unstable();
         Ok(Self { body, robot, urdf, segment_links, sole_points, kit_of_angle })
@@ -141,15 +101,6 @@ impl Humanoid {
         world_from_link: &'a [Isometry3<f64>],
     ) -> impl Iterator<Item = Point3<f64>> + 'a {
         self.sole_points.iter().map(|point| world_from_link[point.link] * point.point_in_link_m)
-    }
-}
-
-fn sole_region(segment_name: &str) -> Option<SoleRegion> {
-    match segment_name.split_once('_')?.1 {
-        "foot" => Some(SoleRegion::Heel),
-        "midfoot" => Some(SoleRegion::Ball),
-        "toes" => Some(SoleRegion::Toe),
-        _ => None,
     }
 }
 

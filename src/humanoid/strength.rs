@@ -9,17 +9,18 @@
 //!
 //! # Sources
 //!
-//! - **A**: Anderson, Madigan and Nussbaum 2007, J Biomech 40:3105, Table 3: maximum voluntary torque per weight and height
-//!   of 34 people; men of 18 to 25 years are used, mean plus two standard deviations.
+//! - **A**: Anderson, Madigan and Nussbaum 2007, J Biomech 40:3105, Table 3, as set G's program lists it: maximum voluntary
+//!   torque per weight and height of 34 people; men of 18 to 25 years are used, mean plus two standard deviations.
 //! - **G**: the whole-body torque set of Millard 2016 (`Millard2016TorqueMuscle` of the Rigid Body Dynamics Library), which
 //!   joins the dynamometry of Jackson (an elite gymnast of 69.6 kg and 1.732 m), Kentel and others on that one man: largest
 //!   isometric torque, and the speed at which the muscles produce none.
 //! - **H**: Heiderscheit et al. 2011, Med Sci Sports Exerc 43:296, Table 3: peak moments per body mass of 45 runners at
 //!   their own speed, mean plus two standard deviations.
-//! - **F**: Fice, Siegmund and Blouin 2014, Ann Biomed Eng 42:1846: isometric neck moments of nine men, mean plus two
+//! - **F**: Fice, Siegmund and Blouin 2014, Ann Biomed Eng, doi 10.1007/s10439-014-1046-0: isometric neck moments of nine men, mean plus two
 //!   standard deviations; their mass and height are not in the abstract and taken as 75 kg and 1.75 m.
-//! - **T**: Goldmann et al. 2013, J Sports Sci 31:424: moment about the toe joints in a standing long jump, per body mass.
-//! - **S**: Grossman et al. 1988, Exp Brain Res 70:470: vigorous head turns of 20 people reach 780 degrees a second.
+//! - **T**: Goldmann et al. 2013, J Sports Sci 31:424: moment about the toe joints in a horizontal jump, per body mass.
+//! - **S**: Grossman et al. 1988, Exp Brain Res, PMID 3384048: vigorous head turns of 20 people reach 780 degrees a second
+//!   (median of their maxima).
 
 use crate::motion::Body;
 
@@ -29,14 +30,15 @@ const GRAVITY: f64 = 9.81;
 /// How far torque can rise above its largest isometric value.
 ///
 /// Muscle resists being stretched with more force than it can shorten against.
-/// The largest such ratio in set G is 1.39.
+/// The largest such ratio in set G is 1.39; its authors put what is known between 1.0 and 1.4.
 const ECCENTRIC_FACTOR: f64 = 1.4;
 
 /// How far a joint can turn faster than the muscles across it can shorten.
 ///
 /// In kicks and throws the motion of the neighbouring segments drives the joint.
 /// The factor is ours; it puts the knee at 1650 degrees a second.
-/// A baseball pitch (shoulder rotation up to 7700 degrees a second; Seroyer et al. 2010, Sports Health 2:135) is beyond it.
+/// A baseball pitch (shoulder rotation up to 7700 degrees a second; Seroyer et al. 2010, Sports Health, PMC3445080) is
+/// beyond it.
 const WHIP_FACTOR: f64 = 1.5;
 
 /// Weight times height of the gymnast of set G, N m.

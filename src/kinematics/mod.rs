@@ -1,8 +1,14 @@
 //! Kinematic trees: rigid links joined by fixed and revolute joints.
 //!
-//! In: a [`Tree`] (built by [`crate::robot`]), a root pose and joint angles.
-//! Out: the pose of every link in the world.
+//! In: links and joints in any order (from `crate::robot`), a root pose and joint angles.
+//! Out: a [`Tree`], the pose of every link in the world, the centre of mass and point Jacobians.
 //! All arithmetic is `f64`; nothing here reads files or knows a physics engine.
+//!
+//! A pose named `a_from_b` takes coordinates in frame `b` to frame `a`.
+//! The frame of a link is that of the joint above it, turned by the joint's angle; the root link has the root's frame.
+
+#[cfg(test)]
+mod tests;
 
 use nalgebra::{Isometry3, Matrix3, Unit, UnitQuaternion, Vector3};
 
@@ -81,15 +87,19 @@ pub enum TreeError {
         /// The link in question.
         link: String,
     },
-    /// More than one link has no parent, or the joints form a cycle.
-    #[error(
-        "the joints do not form a tree: {roots} links have no parent, expected 1, and {unreached} cannot be reached"
-    )]
-    NotATree {
-        /// Number of links without a parent.
-        roots: usize,
-        /// Number of links that no chain from the root reaches.
-        unreached: usize,
+    /// More than one link has no parent.
+    #[error("the links {first:?} and {second:?} both have no joint above them, expected one root")]
+    ManyRoots {
+        /// First link without a parent.
+        first: String,
+        /// Second link without a parent.
+        second: String,
+    },
+    /// Joints form a cycle.
+    #[error("link {link:?} is in or below a cycle of joints, which no root reaches")]
+    Cycle {
+        /// First link the root does not reach.
+        link: String,
     },
 }
 
@@ -150,15 +160,18 @@ impl Tree {
             }
             joints_below[parent].push((child, spec));
         }
-        let roots = has_parent.iter().filter(|has| !**has).count();
-        let Some(root) = has_parent.iter().position(|has| !has).filter(|_| roots == 1) else {
-            return Err(TreeError::NotATree { roots, unreached: links.len() });
+        let mut roots = (0..links.len()).filter(|&link| !has_parent[link]);
+        let Some(root) = roots.next() else {
+            return Err(TreeError::Cycle { link: links[0].name.clone() });
         };
+        if let Some(second) = roots.next() {
+            let name = |link: usize| links[link].name.clone();
+            return Err(TreeError::ManyRoots { first: name(root), second: name(second) });
+        }
 
         // Depth first with an explicit stack, so that a deep file cannot overflow ours.
         let mut links: Vec<Option<Link>> = links.into_iter().map(Some).collect();
-        let num_links = links.len();
-        let mut tree = Self { links: Vec::with_capacity(num_links), joints: Vec::new(), num_angles: 0 };
+        let mut tree = Self { links: Vec::with_capacity(links.len()), joints: Vec::new(), num_angles: 0 };
         let mut stack = vec![(root, None)];
         while let Some((index, above)) = stack.pop() {
             let Some(link) = links[index].take() else { continue };
@@ -174,10 +187,10 @@ impl Tree {
                 stack.push((below, Some((child, spec))));
             }
         }
-        if tree.links.len() < num_links {
-            return Err(TreeError::NotATree { roots, unreached: num_links - tree.links.len() });
+        match links.into_iter().flatten().next() {
+            Some(unreached) => Err(TreeError::Cycle { link: unreached.name }),
+            None => Ok(tree),
         }
-        Ok(tree)
     }
 
     /// Links; the root is the first.

@@ -3,7 +3,10 @@
 //! In: URDF text. Out: [`Robot`], with masses, limits and shapes checked.
 //! Meshes are not loaded; a mesh collision is refused with the name of its link.
 
+#[cfg(test)]
+mod tests;
 mod urdf;
+mod xml;
 
 pub use urdf::{RobotError, parse_urdf};
 
@@ -18,9 +21,9 @@ pub struct JointLimits {
     pub lower_rad: f64,
     /// Upper limit, radians; infinity for a continuous joint.
     pub upper_rad: f64,
-    /// Largest torque the joint can produce in either direction, N m.
+    /// Largest torque the joint can produce in either direction, N m; infinity where the file sets no limit.
     pub effort_nm: f64,
-    /// Largest joint speed, rad/s.
+    /// Largest joint speed, rad/s; infinity where the file sets no limit.
     pub velocity_rad_s: f64,
 }
 
