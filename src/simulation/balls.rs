@@ -21,7 +21,7 @@ use crate::motion::{JOINTS, NUM_JOINTS};
 /// Inertia added to every segment but the root, and to the three parts of each foot on top of that, kg m^2.
 ///
 /// Without it the iterative solver loses the light segments; it is part of the results' signature.
-pub(super) const ADDED_INERTIA: AddedInertia = AddedInertia { everywhere_kgm2: 0.002, feet_kgm2: 0.02 };
+pub const ADDED_INERTIA: AddedInertia = AddedInertia { everywhere_kgm2: 0.002, feet_kgm2: 0.02 };
 
 const ANGULAR: [JointAxis; 3] = [JointAxis::AngX, JointAxis::AngY, JointAxis::AngZ];
 

@@ -8,10 +8,12 @@ use crate::humanoid::Humanoid;
 use crate::kinematics::Inertial;
 use crate::robot::{Collision, Shape};
 
-/// Rotational inertia added to a link, kg m^2: iterative solvers need it, physics does not.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct AddedInertia {
+/// Rotational inertia added to the links: iterative solvers need it, physics does not.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AddedInertia {
+    /// About all axes of every link but the root, kg m^2.
     pub everywhere_kgm2: f64,
+    /// About all axes of each of the three parts of a foot, on top of that, kg m^2.
     pub feet_kgm2: f64,
 }
 

@@ -23,6 +23,8 @@ mod rollout;
 mod settings;
 mod sole;
 
+pub use balls::ADDED_INERTIA;
+pub use body::AddedInertia;
 pub use engine::GRAVITY_M_S2;
 pub use gains::{Gains, gains};
 pub use rollout::{Contact, Event, EventKind, Outcome, Rollout, RolloutSample, SegmentPoses};
