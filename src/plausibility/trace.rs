@@ -1,0 +1,77 @@
+//! Where the points of a body are in every frame of a motion.
+
+use nalgebra::Vector3;
+
+use super::solids::Solids;
+use crate::humanoid::{Humanoid, NUM_SEGMENTS, Side, SoleRegion};
+use crate::motion::Motion;
+
+/// World positions of a motion's joint centres, sole points and lowest point; one pass of forward kinematics.
+pub(super) struct Trace {
+    /// Frames per second.
+    pub rate_hz: f64,
+    /// Origins of the segments, `[frame][segment]`, metres; the first segment is the root.
+    pub centers_m: Vec<[Vector3<f64>; NUM_SEGMENTS]>,
+    /// Height of the lowest point of all collision solids, `[frame]`, metres.
+    pub lowest_m: Vec<f64>,
+    /// Segments of the left and the right toes.
+    pub toe_segments: [usize; 2],
+    num_sole_points: usize,
+    /// `[frame * num_sole_points + point]`.
+    sole_points_m: Vec<Vector3<f64>>,
+}
+
+impl Trace {
+    pub(super) fn new(humanoid: &Humanoid, motion: &Motion) -> Self {
+        let solids = Solids::new(humanoid);
+        let num_frames = motion.num_frames();
+        let num_sole_points = humanoid.sole_points.len();
+        let mut trace = Self {
+            rate_hz: motion.rate_hz(),
+            centers_m: Vec::with_capacity(num_frames),
+            lowest_m: Vec::with_capacity(num_frames),
+            toe_segments: [Side::Left, Side::Right].map(|side| toe_segment(humanoid, side)),
+            num_sole_points,
+            sole_points_m: Vec::with_capacity(num_frames * num_sole_points),
+        };
+        let mut world_from_link = Vec::new();
+        for frame in motion.frames() {
+            let angles = humanoid.tree_angles(&frame.joint_angles_rad);
+            humanoid.robot.tree.forward_into(&frame.world_from_root(), &angles, &mut world_from_link);
+            trace.centers_m.push(humanoid.segment_links.map(|link| world_from_link[link].translation.vector));
+            trace.lowest_m.push(solids.lowest_m(&world_from_link));
+            let sole_points = humanoid.sole_points_in_world(&world_from_link);
+            trace.sole_points_m.extend(sole_points.map(|point| point.coords));
+        }
+        trace
+    }
+
+    pub(super) fn num_frames(&self) -> usize {
+        self.centers_m.len()
+    }
+
+    /// World positions of the sole points in a frame, in the order of [`Humanoid::sole_points`], metres.
+    pub(super) fn sole_points_m(&self, frame: usize) -> &[Vector3<f64>] {
+        &self.sole_points_m[frame * self.num_sole_points..(frame + 1) * self.num_sole_points]
+    }
+}
+
+fn toe_segment(humanoid: &Humanoid, side: Side) -> usize {
+    let toes = |point: &&crate::humanoid::SolePoint| point.side == side && point.region == SoleRegion::Toe;
+    let link = humanoid.sole_points.iter().find(toes).map(|point| point.link);
+    let segment = humanoid.segment_links.iter().position(|&segment| Some(segment) == link);
+    // Every humanoid is built from the one segment table, whose feet all have toes.
+    segment.unwrap_or_else(|| unreachable!("the {side:?} foot has toes"))
+}
+
+/// Length of the horizontal part of a displacement, metres.
+pub(super) fn horizontal_m(displacement: &Vector3<f64>) -> f64 {
+    displacement.xy().norm()
+}
+
+/// Mean of the values; `None` without any.
+pub(super) fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let (sum, count) =
+        values.into_iter().fold((0.0, 0_usize), |(sum, count), value| (sum + value, count + 1));
+    (count > 0).then(|| sum / count as f64)
+}
