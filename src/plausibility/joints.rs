@@ -148,7 +148,9 @@ fn beyond_limits(limits: &[JointLimits; NUM_JOINTS], frames: &[Frame]) -> (f64, 
 /// Mean over joints of the magnitude of the third difference of four frames.
 fn mean_third_difference_rad(window: &[Frame]) -> f64 {
     let angle = |frame: usize, joint: usize| window[frame].joint_angles_rad[joint];
-    let third = |joint| angle(3, joint) - 3.0 * angle(2, joint) + 3.0 * angle(1, joint) - angle(0, joint);
+    let step = |frame: usize, joint| angle(frame + 1, joint) - angle(frame, joint);
+    let second = |frame, joint| step(frame + 1, joint) - step(frame, joint);
+    let third = |joint| second(1, joint) - second(0, joint);
     (0..NUM_JOINTS).map(|joint| third(joint).abs()).sum::<f64>() / NUM_JOINTS as f64
 }
 

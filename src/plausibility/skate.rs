@@ -25,12 +25,13 @@ pub static RATIO: Metric = Metric {
     unit: "",
     level: Level::L0,
     better: Better::Lower,
-    formula: "share of frame pairs at 20 Hz in which either toe joint is below 5 cm in both frames, moves horizontally \
-              faster than 0.5 m/s, and does so too in the mean of five pairs around (pairs outside the motion count as 0)",
+    formula: "share of frame pairs at 20 Hz in which either ball of the foot is below 5 cm in both frames, moves \
+              horizontally faster than 0.5 m/s, and does so too in the mean of five pairs around (pairs outside the motion count as 0)",
     empty: "absent below 1/20 s",
     reference: "GMD (korrawe/guided-motion-diffusion: data_loaders/humanml/utils/metrics.py); \
-                also OmniControl and CLoSD",
-    signature: "points:toe-joints|rate:20Hz,linear-positions|h:5cm|speed:0.5m/s|window:5,zero-padded|v:1",
+                also OmniControl and CLoSD. There the point is the toe joint, which its data \
+                puts on the floor in stance; here it is the sole under that joint",
+    signature: "points:ball-of-foot|rate:20Hz,linear-positions|h:5cm|speed:0.5m/s|window:5,zero-padded|v:1",
 };
 
 /// Mean slide of the soles from frame to frame.
@@ -110,12 +111,16 @@ fn low_point_steps_m(trace: &Trace, after: usize, height_m: f64) -> impl Iterato
 
 /// Share of 20 Hz frame pairs in which either foot skates; `None` without a pair.
 fn skating_ratio(trace: &Trace) -> Option<f64> {
-    let skates = trace.toe_segments.map(|segment| skating_pairs(&toe_path_20_hz(trace, segment)));
+    let paths = ball_paths_20_hz(trace);
+    let skates = [0, 1].map(|side| {
+        let path: Vec<_> = paths.iter().map(|balls| balls[side]).collect();
+        skating_pairs(&path)
+    });
     mean(skates[0].iter().zip(&skates[1]).map(|(&left, &right)| f64::from(left || right)))
 }
 
-/// A toe joint's way at 20 Hz from the first frame on, positions interpolated linearly, metres.
-fn toe_path_20_hz(trace: &Trace, segment: usize) -> Vec<Vector3<f64>> {
+/// Way of the left and right ball at 20 Hz from the first frame on, positions interpolated linearly, metres.
+fn ball_paths_20_hz(trace: &Trace) -> Vec<[Vector3<f64>; 2]> {
     let last = trace.num_frames() - 1;
     // A hair more than the duration, so that rounding does not lose the last frame.
     let num_pairs = (last as f64 / trace.rate_hz * RATIO_RATE_HZ + 1e-6).floor() as usize;
@@ -123,9 +128,9 @@ fn toe_path_20_hz(trace: &Trace, segment: usize) -> Vec<Vector3<f64>> {
         .map(|step| {
             let position = step as f64 / RATIO_RATE_HZ * trace.rate_hz;
             let before = (position.floor() as usize).min(last);
-            let after = (before + 1).min(last);
             let share = position - before as f64;
-            trace.centers_m[before][segment].lerp(&trace.centers_m[after][segment], share)
+            let (from, to) = (trace.balls_m(before), trace.balls_m((before + 1).min(last)));
+            [0, 1].map(|side| from[side].lerp(&to[side], share))
         })
         .collect()
 }

@@ -14,8 +14,8 @@ pub(super) struct Trace {
     pub centers_m: Vec<[Vector3<f64>; NUM_SEGMENTS]>,
     /// Height of the lowest point of all collision solids, `[frame]`, metres.
     pub lowest_m: Vec<f64>,
-    /// Segments of the left and the right toes.
-    pub toe_segments: [usize; 2],
+    /// Sole points under the toe joint of the left and the right foot.
+    ball_points: [Vec<usize>; 2],
     num_sole_points: usize,
     /// `[frame * num_sole_points + point]`.
     sole_points_m: Vec<Vector3<f64>>,
@@ -30,7 +30,7 @@ impl Trace {
             rate_hz: motion.rate_hz(),
             centers_m: Vec::with_capacity(num_frames),
             lowest_m: Vec::with_capacity(num_frames),
-            toe_segments: [Side::Left, Side::Right].map(|side| toe_segment(humanoid, side)),
+            ball_points: [Side::Left, Side::Right].map(|side| ball_points(humanoid, side)),
             num_sole_points,
             sole_points_m: Vec::with_capacity(num_frames * num_sole_points),
         };
@@ -54,14 +54,24 @@ impl Trace {
     pub(super) fn sole_points_m(&self, frame: usize) -> &[Vector3<f64>] {
         &self.sole_points_m[frame * self.num_sole_points..(frame + 1) * self.num_sole_points]
     }
+
+    /// World positions of the middle of the left and the right ball in a frame, on the sole, metres.
+    pub(super) fn balls_m(&self, frame: usize) -> [Vector3<f64>; 2] {
+        let points = self.sole_points_m(frame);
+        [0, 1].map(|side| {
+            let own = &self.ball_points[side];
+            own.iter().map(|&index| points[index]).sum::<Vector3<f64>>() / own.len() as f64
+        })
+    }
 }
 
-fn toe_segment(humanoid: &Humanoid, side: Side) -> usize {
-    let toes = |point: &&crate::humanoid::SolePoint| point.side == side && point.region == SoleRegion::Toe;
-    let link = humanoid.sole_points.iter().find(toes).map(|point| point.link);
-    let segment = humanoid.segment_links.iter().position(|&segment| Some(segment) == link);
-    // Every humanoid is built from the one segment table, whose feet all have toes.
-    segment.unwrap_or_else(|| unreachable!("the {side:?} foot has toes"))
+/// Indices of the sole points under the ball of a foot.
+fn ball_points(humanoid: &Humanoid, side: Side) -> Vec<usize> {
+    let points = humanoid.sole_points.iter().enumerate();
+    points
+        .filter(|(_, point)| point.side == side && point.region == SoleRegion::Ball)
+        .map(|(index, _)| index)
+        .collect()
 }
 
 /// Length of the horizontal part of a displacement, metres.

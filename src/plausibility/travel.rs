@@ -96,6 +96,9 @@ fn mean_step_m(before: &[Vector3<f64>; NUM_SEGMENTS], after: &[Vector3<f64>; NUM
 
 /// Mean over segments of the third difference of four frames.
 fn mean_third_difference_m(window: &[[Vector3<f64>; NUM_SEGMENTS]]) -> f64 {
-    let third = |i: usize| window[3][i] - window[2][i] * 3.0 + window[1][i] * 3.0 - window[0][i];
+    let step = |frame: usize, segment: usize| window[frame + 1][segment] - window[frame][segment];
+    // Differences of differences: exactly zero for a body at rest, where 3 p would be rounded.
+    let second = |frame, segment| step(frame + 1, segment) - step(frame, segment);
+    let third = |segment| second(1, segment) - second(0, segment);
     (0..NUM_SEGMENTS).map(|segment| third(segment).norm()).sum::<f64>() / NUM_SEGMENTS as f64
 }
