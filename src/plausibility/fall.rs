@@ -6,10 +6,8 @@ use super::metric::{Better, Metric, PerLevel, Score};
 use super::solids::Solids;
 use super::tracking;
 use crate::humanoid::Humanoid;
-use crate::simulation::{Contact, Level, Outcome, Rollout, RolloutSample};
+use crate::simulation::{Contact, LOST_TRACK_M, Level, Outcome, Rollout, RolloutSample};
 
-/// Mean body distance beyond which tracking has failed, metres.
-const LOST_M: f64 = 0.5;
 /// Height up to which the reference itself puts a segment on the floor, metres.
 const PLANNED_CONTACT_M: f64 = 0.050;
 
@@ -223,7 +221,7 @@ pub(super) fn scores(humanoid: &Humanoid, rollout: &Rollout) -> Vec<Score> {
     let flag = |holds: bool| f64::from(u8::from(holds));
     let fall_secs = fall.map(|fall| fall.time_secs);
     let is_tracked = observed.failed_at_secs.is_none()
-        && observed.samples.iter().all(|sample| tracking::mean_distance_m(sample) <= LOST_M);
+        && observed.samples.iter().all(|sample| sample.mean_distance_m() <= LOST_TRACK_M);
     let before = observed
         .samples
         .iter()
@@ -254,7 +252,7 @@ fn fall_in(
     solids: &Solids,
     is_foot: &[bool],
 ) -> Option<FallCause> {
-    if tracking::mean_distance_m(sample) > LOST_M {
+    if sample.mean_distance_m() > LOST_TRACK_M {
         return Some(FallCause::Lost);
     }
     let is_planned = |segment: usize| {

@@ -1,6 +1,6 @@
 //! Levels 2 and 3: how far the simulated body is from the commanded one.
 
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::Vector3;
 
 use super::fall::Observed;
 use super::metric::{Better, Metric, PerLevel, Score};
@@ -84,29 +84,17 @@ pub(super) fn scores(rollout: &Rollout, observed: &Observed<'_>) -> Vec<Score> {
 
 /// Mean distance over samples and segments, millimetres; `None` without samples.
 pub(super) fn mpjpe_world_mm<'a>(samples: impl Iterator<Item = &'a RolloutSample>) -> Option<f64> {
-    mean(samples.map(|sample| mean_distance_m(sample) * MM_PER_M))
+    mean(samples.map(|sample| sample.mean_distance_m() * MM_PER_M))
 }
 
-/// Mean distance of the segment origins from their reference in the world, metres.
-pub(super) fn mean_distance_m(sample: &RolloutSample) -> f64 {
-    mean_error_m(sample, &Vector3::zeros())
-}
-
+/// As [`RolloutSample::mean_distance_m`] with both roots moved to one place, metres.
 fn mean_root_relative_distance_m(sample: &RolloutSample) -> f64 {
-    let root_error =
-        position(&sample.world_from_segment[0]) - position(&sample.reference_world_from_segment[0]);
-    mean_error_m(sample, &root_error)
-}
-
-/// Mean over segments of the position error less a common error, metres.
-fn mean_error_m(sample: &RolloutSample, common_error: &Vector3<f64>) -> f64 {
-    let pairs = sample.world_from_segment.iter().zip(&sample.reference_world_from_segment);
-    let errors = pairs.map(|(pose, reference)| (position(pose) - position(reference) - common_error).norm());
-    errors.sum::<f64>() / NUM_SEGMENTS as f64
-}
-
-fn position(pose: &Isometry3<f64>) -> Vector3<f64> {
-    pose.translation.vector
+    let errors = || {
+        let pairs = sample.world_from_segment.iter().zip(&sample.reference_world_from_segment);
+        pairs.map(|(pose, reference)| pose.translation.vector - reference.translation.vector)
+    };
+    let root_error: Vector3<f64> = errors().take(1).sum();
+    errors().map(|error| (error - root_error).norm()).sum::<f64>() / NUM_SEGMENTS as f64
 }
 
 fn mean_square_joint_error(sample: &RolloutSample) -> f64 {

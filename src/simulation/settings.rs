@@ -2,9 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Acceleration of gravity, m/s^2, along -z of the world.
-pub const GRAVITY_M_S2: f64 = 9.81;
-
 /// How much physics stands behind a number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Level {
