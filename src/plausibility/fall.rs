@@ -16,7 +16,7 @@ const SUCCESS_REFERENCE: &str = "UHC and PHC (ZhengyiLuo/PHC: phc/env/tasks/huma
 const FALL_SIGNATURE: &str = "fall:mean21>0.5m|body-on-floor,unless-reference<=50mm|failed|v:1";
 
 /// Share of the motion that was simulated.
-pub static COMPLETED: PerLevel = PerLevel::new(
+pub(super) static COMPLETED: PerLevel = PerLevel::new(
     "l2/completed",
     "l3/completed",
     Metric {
@@ -34,7 +34,7 @@ pub static COMPLETED: PerLevel = PerLevel::new(
 );
 
 /// Time that was simulated.
-pub static COMPLETED_TIME: PerLevel = PerLevel::new(
+pub(super) static COMPLETED_TIME: PerLevel = PerLevel::new(
     "l2/completed_time",
     "l3/completed_time",
     Metric {
@@ -51,7 +51,7 @@ pub static COMPLETED_TIME: PerLevel = PerLevel::new(
 );
 
 /// Time of the first fall.
-pub static TIME_TO_FALL: PerLevel = PerLevel::new(
+pub(super) static TIME_TO_FALL: PerLevel = PerLevel::new(
     "l2/time_to_fall",
     "l3/time_to_fall",
     Metric {
@@ -70,7 +70,7 @@ pub static TIME_TO_FALL: PerLevel = PerLevel::new(
 );
 
 /// Whether the body never fell.
-pub static SURVIVED: PerLevel = PerLevel::new(
+pub(super) static SURVIVED: PerLevel = PerLevel::new(
     "l2/survived",
     "l3/survived",
     Metric {
@@ -87,7 +87,7 @@ pub static SURVIVED: PerLevel = PerLevel::new(
 );
 
 /// Share of the motion before the fall.
-pub static SURVIVAL_FRACTION: PerLevel = PerLevel::new(
+pub(super) static SURVIVAL_FRACTION: PerLevel = PerLevel::new(
     "l2/survival_fraction",
     "l3/survival_fraction",
     Metric {
@@ -104,7 +104,7 @@ pub static SURVIVAL_FRACTION: PerLevel = PerLevel::new(
 );
 
 /// Whether tracking succeeded by the 0.5 m rule.
-pub static SUCCESS: PerLevel = PerLevel::new(
+pub(super) static SUCCESS: PerLevel = PerLevel::new(
     "l2/success",
     "l3/success",
     Metric {
@@ -122,7 +122,7 @@ pub static SUCCESS: PerLevel = PerLevel::new(
 );
 
 /// Tracking error before the fall.
-pub static MPJPE_BEFORE_FALL: PerLevel = PerLevel::new(
+pub(super) static MPJPE_BEFORE_FALL: PerLevel = PerLevel::new(
     "l2/mpjpe_before_fall",
     "l3/mpjpe_before_fall",
     Metric {
@@ -162,7 +162,7 @@ pub struct Fall {
     pub cause: FallCause,
 }
 
-/// The first fall of a rollout, as defined at [`TIME_TO_FALL`]; `None` when the body never fell.
+/// The first fall of a rollout, as defined by the metric `l3/time_to_fall`; `None` when the body never fell.
 #[must_use]
 pub fn first_fall(humanoid: &Humanoid, rollout: &Rollout) -> Option<Fall> {
     let observed = Observed::new(rollout);

@@ -14,7 +14,7 @@ use crate::simulation::{GRAVITY_M_S2, Level, Rollout, RolloutSample};
 const AT_LIMIT: f64 = 0.99;
 
 /// Assist force added up over time.
-pub static ASSIST_IMPULSE: Metric = Metric {
+pub(super) static ASSIST_IMPULSE: Metric = Metric {
     key: "l2/assist_impulse",
     title: "assist impulse",
     unit: "N s/kg",
@@ -27,7 +27,7 @@ pub static ASSIST_IMPULSE: Metric = Metric {
 };
 
 /// Assist moment added up over time.
-pub static ASSIST_MOMENT_IMPULSE: Metric = Metric {
+pub(super) static ASSIST_MOMENT_IMPULSE: Metric = Metric {
     key: "l2/assist_moment_impulse",
     title: "assist moment impulse",
     unit: "N m s/kg",
@@ -40,7 +40,7 @@ pub static ASSIST_MOMENT_IMPULSE: Metric = Metric {
 };
 
 /// Mean assist force in body weights.
-pub static ASSIST_MEAN: Metric = Metric {
+pub(super) static ASSIST_MEAN: Metric = Metric {
     key: "l2/assist_mean",
     title: "assist",
     unit: "% BW",
@@ -53,7 +53,7 @@ pub static ASSIST_MEAN: Metric = Metric {
 };
 
 /// Share of the time on the ground.
-pub static CONTACT_SHARE: PerLevel = PerLevel::new(
+pub(super) static CONTACT_SHARE: PerLevel = PerLevel::new(
     "l2/contact_share",
     "l3/contact_share",
     Metric {
@@ -70,7 +70,7 @@ pub static CONTACT_SHARE: PerLevel = PerLevel::new(
 );
 
 /// Mean vertical ground force.
-pub static VERTICAL_FORCE_MEAN: PerLevel = PerLevel::new(
+pub(super) static VERTICAL_FORCE_MEAN: PerLevel = PerLevel::new(
     "l2/vertical_force_mean",
     "l3/vertical_force_mean",
     Metric {
@@ -88,7 +88,7 @@ pub static VERTICAL_FORCE_MEAN: PerLevel = PerLevel::new(
 );
 
 /// Peak vertical ground force.
-pub static VERTICAL_FORCE_PEAK: PerLevel = PerLevel::new(
+pub(super) static VERTICAL_FORCE_PEAK: PerLevel = PerLevel::new(
     "l2/vertical_force_peak",
     "l3/vertical_force_peak",
     Metric {
@@ -105,7 +105,7 @@ pub static VERTICAL_FORCE_PEAK: PerLevel = PerLevel::new(
 );
 
 /// Share of joints at their torque limit.
-pub static TORQUE_LIMIT_SHARE: PerLevel = PerLevel::new(
+pub(super) static TORQUE_LIMIT_SHARE: PerLevel = PerLevel::new(
     "l2/torque_limit_share",
     "l3/torque_limit_share",
     Metric {

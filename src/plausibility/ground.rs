@@ -12,7 +12,7 @@ const PHYSDIFF: &str = "PhysDiff (Yuan et al. 2023, arXiv 2212.02500); it has no
                         CLoSD (GuyTevet/CLoSD) subtracts the tolerance instead";
 
 /// Mean depth of the lowest point.
-pub static PENETRATION: Metric = Metric {
+pub(super) static PENETRATION: Metric = Metric {
     key: "l0/penetration",
     title: "penetration",
     unit: "mm",
@@ -26,7 +26,7 @@ pub static PENETRATION: Metric = Metric {
 };
 
 /// Penetration added up over time.
-pub static PENETRATION_INTEGRAL: Metric = Metric {
+pub(super) static PENETRATION_INTEGRAL: Metric = Metric {
     key: "l0/penetration_integral",
     title: "penetration time",
     unit: "mm s",
@@ -39,7 +39,7 @@ pub static PENETRATION_INTEGRAL: Metric = Metric {
 };
 
 /// Mean height of the lowest point.
-pub static FLOAT: Metric = Metric {
+pub(super) static FLOAT: Metric = Metric {
     key: "l0/float",
     title: "float",
     unit: "mm",
@@ -53,7 +53,7 @@ pub static FLOAT: Metric = Metric {
 };
 
 /// Float added up over time.
-pub static FLOAT_INTEGRAL: Metric = Metric {
+pub(super) static FLOAT_INTEGRAL: Metric = Metric {
     key: "l0/float_integral",
     title: "float time",
     unit: "mm s",
@@ -66,7 +66,7 @@ pub static FLOAT_INTEGRAL: Metric = Metric {
 };
 
 /// Height of the lowest point in the lowest frame.
-pub static LOWEST_MIN: Metric = Metric {
+pub(super) static LOWEST_MIN: Metric = Metric {
     key: "l0/lowest_point_min",
     title: "lowest point, min",
     unit: "mm",
@@ -80,7 +80,7 @@ pub static LOWEST_MIN: Metric = Metric {
 };
 
 /// Typical height of the lowest point.
-pub static LOWEST_MEDIAN: Metric = Metric {
+pub(super) static LOWEST_MEDIAN: Metric = Metric {
     key: "l0/lowest_point_median",
     title: "lowest point, median",
     unit: "mm",

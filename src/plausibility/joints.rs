@@ -11,7 +11,7 @@ use crate::simulation::Level;
 const LIMIT_TOLERANCE_RAD: f64 = 1.0e-3;
 
 /// Share of angles beyond their limits.
-pub static LIMIT_SHARE: Metric = Metric {
+pub(super) static LIMIT_SHARE: Metric = Metric {
     key: "l0/joint_limit_share",
     title: "beyond limits",
     unit: "",
@@ -24,7 +24,7 @@ pub static LIMIT_SHARE: Metric = Metric {
 };
 
 /// Worst excess over a limit.
-pub static LIMIT_EXCESS: Metric = Metric {
+pub(super) static LIMIT_EXCESS: Metric = Metric {
     key: "l0/joint_limit_excess",
     title: "limit excess",
     unit: "rad",
@@ -37,7 +37,7 @@ pub static LIMIT_EXCESS: Metric = Metric {
 };
 
 /// Speed of the fastest joint that 95 % of the motion stays below.
-pub static SPEED_P95: Metric = Metric {
+pub(super) static SPEED_P95: Metric = Metric {
     key: "l0/joint_speed_p95",
     title: "joint speed p95",
     unit: "rad/s",
@@ -50,7 +50,7 @@ pub static SPEED_P95: Metric = Metric {
 };
 
 /// Largest joint speed.
-pub static SPEED_PEAK: Metric = Metric {
+pub(super) static SPEED_PEAK: Metric = Metric {
     key: "l0/joint_speed_peak",
     title: "joint speed peak",
     unit: "rad/s",
@@ -63,7 +63,7 @@ pub static SPEED_PEAK: Metric = Metric {
 };
 
 /// Share of joint speeds beyond their limits.
-pub static SPEED_LIMIT_SHARE: Metric = Metric {
+pub(super) static SPEED_LIMIT_SHARE: Metric = Metric {
     key: "l0/joint_speed_limit_share",
     title: "too fast",
     unit: "",
@@ -76,7 +76,7 @@ pub static SPEED_LIMIT_SHARE: Metric = Metric {
 };
 
 /// Mean jerk of the angles.
-pub static JERK: Metric = Metric {
+pub(super) static JERK: Metric = Metric {
     key: "l0/joint_jerk",
     title: "joint jerk",
     unit: "rad/s^3",

@@ -19,7 +19,10 @@ const RATIO_SPEED_M_S: f64 = 0.5;
 const RATIO_WINDOW: usize = 5;
 
 /// Share of the motion in which a foot skates.
-pub static RATIO: Metric = Metric {
+///
+/// A swinging foot that passes below 5 cm counts too: recorded walking scores 0.1 to 0.3 and a gliding statue 1.
+/// It is printed because others print it; [`SLOWEST_CONTACT`] separates walking from sliding by far more.
+pub(super) static RATIO: Metric = Metric {
     key: "l0/foot_skate_ratio",
     title: "foot skate",
     unit: "",
@@ -35,7 +38,7 @@ pub static RATIO: Metric = Metric {
 };
 
 /// Mean slide of the soles from frame to frame.
-pub static PER_FRAME: Metric = Metric {
+pub(super) static PER_FRAME: Metric = Metric {
     key: "l0/skate_per_frame",
     title: "skate per frame",
     unit: "mm/frame",
@@ -50,7 +53,7 @@ pub static PER_FRAME: Metric = Metric {
 };
 
 /// Mean slide of the soles per second.
-pub static PER_SECOND: Metric = Metric {
+pub(super) static PER_SECOND: Metric = Metric {
     key: "l0/skate",
     title: "skate",
     unit: "mm/s",
@@ -63,7 +66,7 @@ pub static PER_SECOND: Metric = Metric {
 };
 
 /// Mean speed of the stillest sole point.
-pub static SLOWEST_CONTACT: Metric = Metric {
+pub(super) static SLOWEST_CONTACT: Metric = Metric {
     key: "l0/slowest_contact_speed",
     title: "slowest contact",
     unit: "mm/s",

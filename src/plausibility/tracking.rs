@@ -14,7 +14,7 @@ const PHC: &str = "E_g-mpjpe and E_mpjpe of UHC and PHC (compute_metrics_lite in
                    uhc/smpllib/smpl_eval.py)";
 
 /// Mean position error in the world.
-pub static MPJPE_WORLD: PerLevel = PerLevel::new(
+pub(super) static MPJPE_WORLD: PerLevel = PerLevel::new(
     "l2/mpjpe_world",
     "l3/mpjpe_world",
     Metric {
@@ -31,7 +31,7 @@ pub static MPJPE_WORLD: PerLevel = PerLevel::new(
 );
 
 /// Mean position error relative to the root.
-pub static MPJPE_ROOT: PerLevel = PerLevel::new(
+pub(super) static MPJPE_ROOT: PerLevel = PerLevel::new(
     "l2/mpjpe_root",
     "l3/mpjpe_root",
     Metric {
@@ -49,7 +49,7 @@ pub static MPJPE_ROOT: PerLevel = PerLevel::new(
 );
 
 /// Root mean square joint error.
-pub static JOINT_RMS: PerLevel = PerLevel::new(
+pub(super) static JOINT_RMS: PerLevel = PerLevel::new(
     "l2/joint_rms",
     "l3/joint_rms",
     Metric {

@@ -9,7 +9,7 @@ use crate::motion::Motion;
 use crate::simulation::Level;
 
 /// Largest speed of the root.
-pub static ROOT_SPEED_PEAK: Metric = Metric {
+pub(super) static ROOT_SPEED_PEAK: Metric = Metric {
     key: "l0/root_speed_peak",
     title: "root speed peak",
     unit: "m/s",
@@ -22,7 +22,7 @@ pub static ROOT_SPEED_PEAK: Metric = Metric {
 };
 
 /// Largest turning speed of the root.
-pub static ROOT_TURN_PEAK: Metric = Metric {
+pub(super) static ROOT_TURN_PEAK: Metric = Metric {
     key: "l0/root_turn_peak",
     title: "root turn peak",
     unit: "rad/s",
@@ -35,7 +35,7 @@ pub static ROOT_TURN_PEAK: Metric = Metric {
 };
 
 /// How much the body moves at all.
-pub static DYNAMIC_DEGREE: Metric = Metric {
+pub(super) static DYNAMIC_DEGREE: Metric = Metric {
     key: "l0/dynamic_degree",
     title: "dynamic degree",
     unit: "m/s",
@@ -49,7 +49,7 @@ pub static DYNAMIC_DEGREE: Metric = Metric {
 };
 
 /// Mean jerk of the joint centres.
-pub static JERK: Metric = Metric {
+pub(super) static JERK: Metric = Metric {
     key: "l0/jerk",
     title: "jerk",
     unit: "m/s^3",
