@@ -1,7 +1,7 @@
 //! Level 0, height over the floor z = 0: penetration, float and the lowest point.
 
 use super::metric::{Better, Metric, Score};
-use super::trace::{Trace, mean};
+use super::trace::{Trace, mean, median};
 use crate::simulation::Level;
 
 /// Depth or height that counts as touching, metres; `PhysDiff` allows it for the geometry's inexactness.
@@ -97,16 +97,14 @@ pub(super) static LOWEST_MEDIAN: Metric = Metric {
 pub(super) fn scores(trace: &Trace) -> Vec<Score> {
     let depths_m: Vec<f64> = trace.lowest_m.iter().map(|&height| beyond_tolerance(-height)).collect();
     let heights_m: Vec<f64> = trace.lowest_m.iter().map(|&height| beyond_tolerance(height)).collect();
-    let mut sorted = trace.lowest_m.clone();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let median = |sorted: &[f64]| (sorted[(sorted.len() - 1) / 2] + sorted[sorted.len() / 2]) / 2.0;
+    let lowest_m = || trace.lowest_m.iter().copied();
     [
         (&PENETRATION, mean(depths_m.iter().copied())),
         (&PENETRATION_INTEGRAL, Some(integral(&depths_m, trace.rate_hz))),
         (&FLOAT, mean(heights_m.iter().copied())),
         (&FLOAT_INTEGRAL, Some(integral(&heights_m, trace.rate_hz))),
-        (&LOWEST_MIN, sorted.first().copied()),
-        (&LOWEST_MEDIAN, (!sorted.is_empty()).then(|| median(&sorted))),
+        (&LOWEST_MIN, lowest_m().min_by(f64::total_cmp)),
+        (&LOWEST_MEDIAN, median(lowest_m())),
     ]
     .into_iter()
     .filter_map(|(metric, metres)| Score::new(metric, metres? * MM_PER_M))

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::metric::{Better, Metric, Score};
-use super::trace::{Trace, horizontal_m, mean};
+use super::trace::{Trace, horizontal_m, mean, median};
 use crate::simulation::Level;
 
 const MM_PER_M: f64 = 1000.0;
@@ -65,18 +65,19 @@ pub(super) static PER_SECOND: Metric = Metric {
     signature: "points:sole12|contact:5mm,both|agg:mean-points,mean-pairs|per:second|v:1",
 };
 
-/// Mean speed of the stillest sole point.
+/// Typical speed of the stillest sole point.
 pub(super) static SLOWEST_CONTACT: Metric = Metric {
     key: "l0/slowest_contact_speed",
     title: "slowest contact",
     unit: "mm/s",
     level: Level::L0,
     better: Better::Lower,
-    formula: "mean, over frame pairs with sole points at or below 30 mm in both frames, of the smallest horizontal speed \
-              among those points; near 0 where a foot stands, the sliding speed where all feet slide",
+    formula: "median, over frame pairs with sole points at or below 30 mm in both frames, of the smallest horizontal speed \
+              among those points; near 0 where a foot stands, the sliding speed where all feet slide \
+              most of the time, untouched by a single jump",
     empty: "absent for a single frame, or when no sole point comes near the floor",
     reference: "this project",
-    signature: "points:sole12|near:30mm,both|per-pair:min|agg:mean-pairs|per:second|v:1",
+    signature: "points:sole12|near:30mm,both|per-pair:min|agg:median-pairs|per:second|v:1",
 };
 
 /// Scores of the feet's slip.
@@ -86,7 +87,7 @@ pub(super) fn scores(trace: &Trace) -> Vec<Score> {
         let steps = low_point_steps_m(trace, after, CONTACT_M);
         mean(steps).unwrap_or(0.0)
     }));
-    let slowest = mean(pairs.filter_map(|after| {
+    let slowest = median(pairs.filter_map(|after| {
         let steps = low_point_steps_m(trace, after, NEAR_FLOOR_M);
         steps.min_by(f64::total_cmp)
     }));

@@ -85,3 +85,24 @@ pub(super) fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
         values.into_iter().fold((0.0, 0_usize), |(sum, count), value| (sum + value, count + 1));
     (count > 0).then(|| sum / count as f64)
 }
+
+/// Median of the values, the mean of the middle two when they are even in number; `None` without any.
+pub(super) fn median(values: impl IntoIterator<Item = f64>) -> Option<f64> {
+    let mut sorted: Vec<f64> = values.into_iter().collect();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    Some((sorted[last / 2] + sorted[last.div_ceil(2)]) / 2.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mean_and_median_of_nothing_are_absent() {
+        assert_eq!((mean([]), median([])), (None, None));
+        assert_eq!((mean([1.0, 2.0, 6.0]), median([6.0, 1.0, 2.0])), (Some(3.0), Some(2.0)));
+        assert_eq!(median([8.0, 1.0, 2.0, 4.0]), Some(3.0));
+        assert_eq!(median([5.0]), Some(5.0));
+    }
+}
