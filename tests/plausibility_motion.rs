@@ -150,6 +150,29 @@ fn one_sliding_foot_is_seen_by_the_ratio_but_not_as_the_slowest_contact() {
 }
 
 #[test]
+fn either_foot_alone_makes_the_ratio() {
+    // Turning about the ball of the left foot, 54 mm left of and 72 mm before the root, carries the right one around it.
+    let (x, y) = (-0.054 * BODY.height_m, 0.072 * BODY.height_m);
+    let motion = standing(|time, frame| {
+        let yaw = 8.0 * time;
+        frame.root_rotation_rad[2] = yaw;
+        frame.root_position_m[0] = x - (x * yaw.cos() - y * yaw.sin());
+        frame.root_position_m[1] = y - (x * yaw.sin() + y * yaw.cos());
+    });
+    assert!(score(&motion)["l0/foot_skate_ratio"] > 0.99);
+}
+
+#[test]
+fn a_circling_arm_moves_in_the_world_and_relative_to_the_root() {
+    // Elbow and wrist turn about the shoulder at 0.188 and 0.333 m (at 1 m height); the other 19 joint centres rest.
+    let speed = 1.5_f64;
+    let scores = score(&standing(|time, frame| frame.joint_angles_rad[joint("LSx")] = speed * time));
+    let radii_m = (0.188 + 0.333) * BODY.height_m;
+    let chord = 2.0 * (speed / RATE_HZ / 2.0).sin() * RATE_HZ;
+    close(&scores, "l0/dynamic_degree", 2.0 * radii_m * chord / 21.0, 1e-6);
+}
+
+#[test]
 fn a_joint_beyond_its_limit_half_of_the_time_is_half_a_joint_too_far() {
     // A ramp through the upper limit of the wrist, which moves no joint centre: 100 of 200 frames are beyond 1 mrad.
     let upper = rprae::motion::JOINTS[joint("LWx")].upper_rad;

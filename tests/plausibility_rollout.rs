@@ -284,6 +284,18 @@ fn a_hand_the_reference_puts_on_the_floor_is_no_fall() {
 }
 
 #[test]
+fn a_foot_may_touch_the_floor_wherever_the_reference_has_it() {
+    let stumble = rollout(Level::L3, |_, sample| {
+        sample.contacts.push(push("right_toes", 100.0));
+        sample.contacts.push(push("right_midfoot", 100.0));
+        for part in ["right_toes", "right_midfoot", "right_foot"] {
+            sample.reference_world_from_segment[segment(part)].translation.z += 0.3;
+        }
+    });
+    assert_eq!(first_fall(&HUMANOID, &stumble), None);
+}
+
+#[test]
 fn beyond_half_a_metre_the_body_is_lost() {
     let drift = |metres: f64| {
         move |index: usize, sample: &mut RolloutSample| {

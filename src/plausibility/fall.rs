@@ -172,12 +172,8 @@ pub fn first_fall(humanoid: &Humanoid, rollout: &Rollout) -> Option<Fall> {
         let cause = fall_in(sample, humanoid, &solids, &is_foot)?;
         Some(Fall { time_secs: sample.time_secs, cause })
     });
-    let failure = observed.failed_at_secs.map(|time_secs| Fall { time_secs, cause: FallCause::Failed });
-    match (in_sample, failure) {
-        (Some(fall), Some(failure)) if failure.time_secs < fall.time_secs => Some(failure),
-        (Some(fall), _) => Some(fall),
-        (None, failure) => failure,
-    }
+    // Samples end where a rollout fails, so a fall seen in one came first.
+    in_sample.or_else(|| Some(Fall { time_secs: observed.failed_at_secs?, cause: FallCause::Failed }))
 }
 
 /// The usable part of a rollout.

@@ -153,3 +153,32 @@ fn skating_pairs(path_m: &[Vector3<f64>]) -> Vec<bool> {
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Skating pairs of a foot that makes these steps, all but frame `lifted` on the floor.
+    fn skates(steps_m: &[f64], lifted: Option<usize>) -> Vec<bool> {
+        let mut y = 0.0;
+        let mut path = vec![Vector3::zeros()];
+        for step in steps_m {
+            y += step;
+            path.push(Vector3::new(0.0, y, 0.0));
+        }
+        if let Some(frame) = lifted {
+            path[frame].z = 0.06;
+        }
+        skating_pairs(&path)
+    }
+
+    #[test]
+    fn a_pair_skates_when_it_and_its_surroundings_are_fast_and_low() {
+        // 0.05 m a step are 1 m/s at 20 Hz.
+        assert_eq!(skates(&[0.05; 4], None), [true; 4]);
+        assert_eq!(skates(&[0.05; 4], Some(2)), [true, false, false, true], "low in both frames");
+        assert_eq!(skates(&[0.06, 0.06, 0.02, 0.06, 0.06], None), [true, true, false, true, true]);
+        assert_eq!(skates(&[0.0, 0.0, 0.05, 0.0, 0.0], None), [false; 5], "one fast pair is noise");
+        assert_eq!(skates(&[0.03; 5], None), [false, false, true, false, false], "zeros beyond the ends");
+    }
+}
