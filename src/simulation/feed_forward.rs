@@ -5,16 +5,10 @@
 
 use nalgebra::Vector3;
 
-use super::chain::Chain;
 use super::engine::GRAVITY_M_S2;
-use crate::dynamics::{ContactSolver, ExternalForce, InverseDynamics, Trajectory, inverse_dynamics};
+use crate::dynamics::{ExplanationSettings, explain};
 use crate::humanoid::{Humanoid, NUM_SEGMENTS};
 use crate::motion::Motion;
-
-/// Cutoff of the motion's low-pass filter, hertz.
-const CUTOFF_HZ: f64 = 6.0;
-/// A sole point this near the floor may carry, metres.
-const CONTACT_HEIGHT_M: f64 = 0.035;
 
 /// Moment across the joint above every segment, acting on the segment, in the segment's own frame, N m.
 pub(super) type SegmentMoments = [Vector3<f64>; NUM_SEGMENTS];
@@ -26,67 +20,14 @@ pub(super) struct FeedForward {
 }
 
 impl FeedForward {
-    pub fn new(humanoid: &Humanoid, motion: &Motion, chains: &[Chain], friction: f64) -> Self {
-        let trajectory = Trajectory::new(humanoid, motion, CUTOFF_HZ);
-        let solver = ContactSolver {
-            friction,
-            weight_n: humanoid.body.mass_kg * GRAVITY_M_S2,
-            height_m: humanoid.body.height_m,
-        };
-        let tree = &humanoid.robot.tree;
-        let gravity = Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
-        let mut dynamics = InverseDynamics::default();
-        let frames = trajectory
-            .frames
-            .iter()
-            .map(|frame| {
-                let poses = tree.forward(&frame.world_from_root, &frame.angles_rad);
-                let mut solve = |external: &[ExternalForce]| {
-                    let (speeds, accelerations) = (&frame.speeds_rad_s, &frame.accelerations_rad_s2);
-                    inverse_dynamics(
-                        tree,
-                        &poses,
-                        &frame.root,
-                        speeds,
-                        accelerations,
-                        &gravity,
-                        external,
-                        &mut dynamics,
-                    );
-                    (dynamics.root_force_n, dynamics.root_moment_nm)
-                };
-                let (force, moment) = solve(&[]);
-                let mut links = Vec::new();
-                let mut points = Vec::new();
-                for (sole, point) in humanoid.sole_points.iter().zip(humanoid.sole_points_in_world(&poses)) {
-                    if point.z < CONTACT_HEIGHT_M {
-                        links.push(sole.link);
-                        points.push((point, point.z));
-                    }
-                }
-                let root = frame.world_from_root.translation.vector;
-                let contact = solver.solve(&points, &root, &force, &moment);
-                let external: Vec<ExternalForce> = links
-                    .iter()
-                    .zip(&points)
-                    .zip(&contact.forces_n)
-                    .map(|((&link, (point, _)), &force_n)| ExternalForce {
-                        link,
-                        point_m: point.coords,
-                        force_n,
-                    })
-                    .collect();
-                solve(&external);
-                let mut moments = [Vector3::zeros(); NUM_SEGMENTS];
-                for chain in chains {
-                    let link = humanoid.segment_links[chain.segment];
-                    // The frames between axes sit in the joint's centre, so the moment is the same at each of them.
-                    moments[chain.segment] = poses[link].rotation.inverse() * dynamics.moments_nm[link];
-                }
-                moments
-            })
+    pub fn new(humanoid: &Humanoid, motion: &Motion, friction: f64) -> Self {
+        let settings = ExplanationSettings { friction, ..ExplanationSettings::default() };
+        let frames = explain(humanoid, motion, GRAVITY_M_S2, &settings)
+            .into_iter()
+            // The frames between the axes of a chain sit in the joint's centre, so its moment is that of its last link.
+            .map(|frame| humanoid.segment_links.map(|link| frame.moments_in_link_nm[link]))
             .collect();
-        Self { rate_hz: trajectory.rate_hz, frames }
+        Self { rate_hz: motion.rate_hz(), frames }
     }
 
     /// Moments at a time, linear between frames.

@@ -97,9 +97,8 @@ pub fn simulate(
     let command = Reference::new(&retargeted.command);
     let chains = chain::chains(humanoid).map_err(|link| SimulationError::Chain { link })?;
 
-    let feed_forward = settings
-        .feed_forward
-        .then(|| FeedForward::new(humanoid, &retargeted.command, &chains, settings.friction));
+    let feed_forward =
+        settings.feed_forward.then(|| FeedForward::new(humanoid, &retargeted.command, settings.friction));
 
     let mut engine = Engine::new(settings);
     let start = command.at(0.0);
