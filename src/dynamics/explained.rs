@@ -21,11 +21,19 @@ pub struct ExplanationSettings {
     ///
     /// With it, sliding at constant speed is unexplained; so is some of the push of rolling feet.
     pub contact_speed_m_s: f64,
+    /// Explain every so many frames only; all of them are filtered and differentiated.
+    pub stride: usize,
 }
 
 impl Default for ExplanationSettings {
     fn default() -> Self {
-        Self { cutoff_hz: 6.0, friction: 0.8, contact_height_m: 0.035, contact_speed_m_s: f64::INFINITY }
+        Self {
+            cutoff_hz: 6.0,
+            friction: 0.8,
+            contact_height_m: 0.035,
+            contact_speed_m_s: f64::INFINITY,
+            stride: 1,
+        }
     }
 }
 
@@ -44,7 +52,7 @@ pub struct ExplainedFrame {
     pub residual_moment_nm: Vector3<f64>,
 }
 
-/// Finds for every frame the joint torques and the contact forces that best explain the motion.
+/// Finds for every frame (or every [`ExplanationSettings::stride`]-th, from the first) the joint torques and the contact forces that best explain the motion.
 ///
 /// The floor is at z = 0; gravity is `gravity_m_s2` downwards.
 /// What inverse dynamics cannot see: time reversal, sliding at constant speed (unless gated by speed), a feasible pose that
@@ -78,8 +86,9 @@ pub fn explain(
     };
 
     let mut dynamics = InverseDynamics::default();
-    let mut explained = Vec::with_capacity(trajectory.frames.len());
-    for (index, frame) in trajectory.frames.iter().enumerate() {
+    let stride = settings.stride.max(1);
+    let mut explained = Vec::with_capacity(trajectory.frames.len() / stride + 1);
+    for (index, frame) in trajectory.frames.iter().enumerate().step_by(stride) {
         let poses = &poses[index];
         let mut solve = |external: &[ExternalForce]| {
             let (speeds, accelerations) = (&frame.speeds_rad_s, &frame.accelerations_rad_s2);

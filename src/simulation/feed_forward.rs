@@ -10,6 +10,9 @@ use crate::dynamics::{ExplanationSettings, explain};
 use crate::humanoid::{Humanoid, NUM_SEGMENTS};
 use crate::motion::Motion;
 
+/// Moments found per second of motion.
+const FRAMES_PER_SEC: f64 = 50.0;
+
 /// Moment across the joint above every segment, acting on the segment, in the segment's own frame, N m.
 pub(super) type SegmentMoments = [Vector3<f64>; NUM_SEGMENTS];
 
@@ -21,13 +24,15 @@ pub(super) struct FeedForward {
 
 impl FeedForward {
     pub fn new(humanoid: &Humanoid, motion: &Motion, friction: f64) -> Self {
-        let settings = ExplanationSettings { friction, ..ExplanationSettings::default() };
+        // What the filter leaves is slower than half of this rate by far; more frames would only cost time.
+        let stride = (motion.rate_hz() / FRAMES_PER_SEC).round().max(1.0) as usize;
+        let settings = ExplanationSettings { friction, stride, ..ExplanationSettings::default() };
         let frames = explain(humanoid, motion, GRAVITY_M_S2, &settings)
             .into_iter()
             // The frames between the axes of a chain sit in the joint's centre, so its moment is that of its last link.
             .map(|frame| humanoid.segment_links.map(|link| frame.moments_in_link_nm[link]))
             .collect();
-        Self { rate_hz: motion.rate_hz(), frames }
+        Self { rate_hz: motion.rate_hz() / stride as f64, frames }
     }
 
     /// Moments at a time, linear between frames.

@@ -20,6 +20,7 @@ mod multibody;
 mod reference;
 mod retarget;
 mod rollout;
+mod run;
 mod settings;
 mod sole;
 
@@ -28,20 +29,11 @@ pub use body::AddedInertia;
 pub use engine::GRAVITY_M_S2;
 pub use gains::{Gains, gains};
 pub use rollout::{Contact, Event, EventKind, Outcome, Rollout, RolloutSample, SegmentPoses};
+pub use run::{LOST_TRACK_M, Simulation};
 pub use settings::{JointForm, Level, SettingsError, SimulationSettings};
 
-use nalgebra::Vector3;
-
-use crate::humanoid::{Humanoid, NUM_SEGMENTS};
-use crate::motion::{Motion, MotionError, NUM_JOINTS};
-use articulation::Articulation;
-use assist::{Assist, Wrench};
-use balls::Balls;
-use contact::ContactSum;
-use engine::Engine;
-use feed_forward::FeedForward;
-use multibody::Multibody;
-use reference::{Reference, ReferenceState};
+use crate::humanoid::Humanoid;
+use crate::motion::{Motion, MotionError};
 
 /// Why a simulation could not start.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -69,15 +61,7 @@ pub enum SimulationError {
     Multibody,
 }
 
-/// Height below which the pelvis has left the world, metres: every number may be finite, and still the body fell through.
-const LOST_BELOW_M: f64 = -0.5;
-/// Speed no part of a body reaches, m/s.
-const LOST_SPEED_M_S: f64 = 100.0;
-
-/// Simulates a motion; `observer` sees every sample as it is made.
-///
-/// Level 2 has the bounded assist at the root, level 3 does not.
-/// A state that stops being one ends the rollout as [`Outcome::Failed`] with its time; that is a result, not an error.
+/// Simulates a motion at one level; several levels of one motion share their preparation in [`Simulation`].
 ///
 /// # Errors
 /// [`SimulationError`] when the level, the settings or the body cannot be simulated.
@@ -88,174 +72,5 @@ pub fn simulate(
     settings: &SimulationSettings,
     observer: &mut dyn FnMut(&RolloutSample),
 ) -> Result<Rollout, SimulationError> {
-    settings.check()?;
-    if !matches!(level, Level::L2 | Level::L3) {
-        return Err(SimulationError::Level { level });
-    }
-    let retargeted = retarget::retarget(humanoid, motion, settings)?;
-    let reference = Reference::new(&retargeted.reference);
-    let command = Reference::new(&retargeted.command);
-    let chains = chain::chains(humanoid).map_err(|link| SimulationError::Chain { link })?;
-
-    let feed_forward =
-        settings.feed_forward.then(|| FeedForward::new(humanoid, &retargeted.command, settings.friction));
-
-    let mut engine = Engine::new(settings);
-    let start = command.at(0.0);
-    let mut body: Box<dyn Articulation> = match settings.joint_form {
-        JointForm::Balls => Box::new(Balls::new(&mut engine, humanoid, chains, &start)),
-        JointForm::Multibody => Box::new(
-            Multibody::new(&mut engine, humanoid, &chains, &start).ok_or(SimulationError::Multibody)?,
-        ),
-    };
-    let assist = (level == Level::L2 && settings.assist_limit > 0.0)
-        .then(|| Assist::new(&mut engine, body.segments()[0], humanoid.body.mass_kg, settings));
-
-    let steps_per_sample = settings.steps_per_sample();
-    let duration_secs = motion.duration_secs();
-    let num_steps = (duration_secs / settings.dt_secs).ceil() as usize;
-    let mut rollout = Rollout {
-        level,
-        settings: settings.clone(),
-        sample_interval_secs: steps_per_sample as f64 * settings.dt_secs,
-        motion_duration_secs: duration_secs,
-        samples: Vec::with_capacity(num_steps / steps_per_sample + 1),
-        events: retargeted.events,
-        outcome: Outcome::Completed,
-        max_joint_drift_m: 0.0,
-    };
-    let mut run = Run { humanoid, reference: &reference, assist: assist.as_ref(), sums: Sums::default() };
-    let start = run.sample(&engine, &*body, 0.0, 1);
-    observer(&start);
-    rollout.samples.push(start);
-    let mut fallen = false;
-    for step in 0..num_steps {
-        let time_secs = step as f64 * settings.dt_secs;
-        let target = command.at(time_secs);
-        let moments =
-            feed_forward.as_ref().map_or([Vector3::zeros(); NUM_SEGMENTS], |known| known.at(time_secs));
-        body.command(&mut engine, &target, &moments);
-        if let Some(assist) = &assist {
-            assist.command(&mut engine, &target);
-        }
-        engine.step();
-        if let Some(reason) = fault(&engine, &*body) {
-            let time_secs = time_secs + settings.dt_secs;
-            rollout.events.push(Event { time_secs, kind: EventKind::Failure, message: reason.clone() });
-            rollout.outcome = Outcome::Failed { time_secs, reason };
-            break;
-        }
-        run.add_step(&engine, &*body);
-        if (step + 1) % steps_per_sample == 0 {
-            let sample = run.sample(&engine, &*body, (step + 1) as f64 * settings.dt_secs, steps_per_sample);
-            rollout.max_joint_drift_m = rollout.max_joint_drift_m.max(body.joint_drift_m(&engine));
-            if !fallen && let Some(message) = fall(humanoid, &sample) {
-                fallen = true;
-                rollout.events.push(Event { time_secs: sample.time_secs, kind: EventKind::Fall, message });
-            }
-            observer(&sample);
-            rollout.samples.push(sample);
-        }
-    }
-    Ok(rollout)
+    Simulation::new(humanoid, motion, settings)?.run(level, observer)
 }
-
-/// Forces summed over the steps of a sample.
-#[derive(Default)]
-struct Sums {
-    contacts: ContactSum,
-    wrench: Wrench,
-    torques: Option<[f64; NUM_JOINTS]>,
-}
-
-/// What a sample is read from.
-struct Run<'a> {
-    humanoid: &'a Humanoid,
-    reference: &'a Reference,
-    assist: Option<&'a Assist>,
-    sums: Sums,
-}
-
-impl Run<'_> {
-    fn add_step(&mut self, engine: &Engine, body: &dyn Articulation) {
-        let segments = body.segments();
-        self.sums.contacts.add_step(engine, |handle| segments.iter().position(|&segment| segment == handle));
-        if let Some(assist) = self.assist {
-            let wrench = assist.wrench(engine);
-            self.sums.wrench.force_n += wrench.force_n;
-            self.sums.wrench.moment_nm += wrench.moment_nm;
-        }
-        let (angles, _) = body.angles_and_speeds(engine);
-        body.add_torques(engine, &angles, self.sums.torques.get_or_insert([0.0; NUM_JOINTS]));
-    }
-
-    fn sample(
-        &mut self,
-        engine: &Engine,
-        body: &dyn Articulation,
-        time_secs: f64,
-        num_steps: usize,
-    ) -> RolloutSample {
-        let Sums { mut contacts, wrench, torques } = std::mem::take(&mut self.sums);
-        let share = 1.0 / num_steps as f64;
-        let target = self.reference.at(time_secs);
-        let (joint_angles_rad, joint_velocities_rad_s) = body.angles_and_speeds(engine);
-        RolloutSample {
-            time_secs,
-            world_from_segment: body.segment_poses(engine),
-            reference_world_from_segment: reference_poses(self.humanoid, &target),
-            joint_angles_rad,
-            joint_velocities_rad_s,
-            joint_torques_nm: torques.unwrap_or([0.0; NUM_JOINTS]).map(|sum| sum * share),
-            reference_joint_angles_rad: target.angles,
-            assist_force_n: wrench.force_n * share,
-            assist_moment_nm: wrench.moment_nm * share,
-            contacts: contacts.take(num_steps as f64 * engine.dt_secs()),
-        }
-    }
-}
-
-fn reference_poses(humanoid: &Humanoid, target: &ReferenceState) -> SegmentPoses {
-    let links = humanoid.robot.tree.forward(&target.world_from_root, &humanoid.tree_angles(&target.angles));
-    humanoid.segment_links.map(|link| links[link])
-}
-
-/// Mean distance of the segments from the reference beyond which the body no longer performs the motion, metres.
-///
-/// The success rule of UHC and PHC.
-pub const LOST_TRACK_M: f64 = 0.5;
-
-/// Why the body has fallen, if so: something else than a foot on the ground, or far from the reference.
-fn fall(humanoid: &Humanoid, sample: &RolloutSample) -> Option<String> {
-    let is_foot = |segment: usize| {
-        humanoid.sole_points.iter().any(|point| point.link == humanoid.segment_links[segment])
-    };
-    if let Some(contact) = sample.contacts.iter().find(|contact| !is_foot(contact.segment)) {
-        let link = &humanoid.robot.tree.links()[humanoid.segment_links[contact.segment]];
-        return Some(format!("the {} touched the ground", link.name.replace('_', " ")));
-    }
-    let distance = sample.mean_distance_m();
-    (distance > LOST_TRACK_M).then(|| format!("the body is {distance:.2} m from the motion on average"))
-}
-
-/// Why the state is no state any more, if so.
-fn fault(engine: &Engine, body: &dyn Articulation) -> Option<String> {
-    if engine.quarantined() {
-        return Some("the engine quarantined a body whose state was not finite".to_owned());
-    }
-    for &handle in body.segments() {
-        let segment = &engine.bodies[handle];
-        let (position, velocity) = (segment.position().translation, segment.linvel());
-        let numbers = [position.x, position.y, position.z, velocity.x, velocity.y, velocity.z];
-        if numbers.iter().any(|number| !number.is_finite()) {
-            return Some("a position or velocity is not a finite number".to_owned());
-        }
-        if Vector3::new(velocity.x, velocity.y, velocity.z).norm() > LOST_SPEED_M_S {
-            return Some(format!("a segment moves faster than {LOST_SPEED_M_S} m/s"));
-        }
-    }
-    let height = engine.bodies[body.segments()[0]].position().translation.z;
-    (height < LOST_BELOW_M).then(|| format!("the pelvis is {:.2} m below the floor", -height))
-}
-
-const _: () = assert!(NUM_SEGMENTS > 1, "a body without joints has nothing to drive");
