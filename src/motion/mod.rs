@@ -4,8 +4,11 @@
 //! Out: [`Motion`], which is finite, non-empty and in SI units and radians by construction.
 //! This module reads no files and knows no geometry; positions of limbs come from [`crate::kinematics`].
 
+mod jumps;
+mod resample;
 pub mod skeleton;
 
+pub use jumps::{JUMP_SPEED_RAD_S, Jump, MAX_EXCURSION_SECS, filter_jumps, find_jumps};
 pub use skeleton::{JOINTS, JointInfo, NUM_CHANNELS, NUM_JOINTS, joint_index};
 
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
