@@ -291,3 +291,18 @@ fn a_fall_is_an_event_with_its_time() {
             .all(|event| event.kind != EventKind::Fall)
     );
 }
+
+#[test]
+fn a_jump_of_the_recording_is_filtered_and_reported() {
+    let toe = joint_index("LFx").unwrap();
+    let jumping =
+        motion(0.5, |t, frame| frame.joint_angles_rad[toe] = if (t - 0.25).abs() < 1e-6 { 1.0 } else { 0.0 });
+    let rollout = run(&jumping, Level::L2, &SimulationSettings::default());
+    assert!(
+        rollout.events.iter().any(|e| e.message.contains("1.00 rad in LFx at 0.2")),
+        "{:?}",
+        rollout.events
+    );
+    let commanded = rollout.samples.iter().map(|s| s.reference_joint_angles_rad[toe]).fold(0.0, f64::max);
+    assert!(commanded < 0.01, "{commanded}");
+}

@@ -4,6 +4,7 @@
 //!   angles get a constant offset per foot so that the median sole of flat stance is level, by a bounded amount;
 //! - *ground shift*: the whole motion is moved vertically so that the soles of stance meet the floor, by a bounded amount
 //!   (an unbounded shift would hide floating);
+//! - *jump filter*: joint angles that jump between two frames faster than a joint moves ([`crate::motion::filter_jumps`]);
 //! - *limit clamp*: angles beyond the joint limits are cut, since the body cannot reach them;
 //! - *swing lift*: recorded feet pass the floor by a few millimetres, and simulated ones then scuff and trip, so the
 //!   swinging leg is bent a little more. Only the command is lifted; errors are measured against the unlifted motion.
@@ -11,7 +12,7 @@
 use super::sole::{Sole, SoleTracks};
 use super::{Event, EventKind, SimulationSettings};
 use crate::humanoid::{Humanoid, Side};
-use crate::motion::{Frame, JOINTS, Motion, MotionError, joint_index};
+use crate::motion::{Frame, JOINTS, Motion, MotionError, filter_jumps, joint_index};
 
 /// Largest slope of a standing sole that is taken for a fault of marker fit and shoes, radians.
 const LARGEST_LEVELLING_RAD: f64 = 0.2;
@@ -45,8 +46,19 @@ pub(super) fn retarget(
     let mut note =
         |message: String| events.push(Event { time_secs: 0.0, kind: EventKind::Retarget, message });
 
+    let (smooth, jumps) = filter_jumps(motion);
+    if let Some(largest) = jumps.iter().max_by(|a, b| a.size_rad.abs().total_cmp(&b.size_rad.abs())) {
+        note(format!(
+            "filtered {} jumps of a joint between two frames, the largest {:+.2} rad in {} at {:.2} s",
+            jumps.len(),
+            largest.size_rad,
+            largest.joint_name(),
+            largest.frame as f64 / motion.rate_hz()
+        ));
+    }
+
     let mut num_clamped = 0_usize;
-    let clamped = motion.clone().map_frames(|_, frame| {
+    let clamped = smooth.map_frames(|_, frame| {
         for (angle, joint) in frame.joint_angles_rad.iter_mut().zip(&JOINTS) {
             let inside = angle.clamp(joint.lower_rad, joint.upper_rad);
             // The files print limits with six digits.
@@ -64,7 +76,7 @@ pub(super) fn retarget(
     let limit = settings.ground_correction_limit_m;
     let shift = (-standing.unwrap_or(0.0)).clamp(-limit, limit);
     let reference = levelled.map_frames(|_, frame| frame.root_position_m[2] += shift)?;
-    if let Some(standing) = standing.filter(|_| limit > 0.0) {
+    if let Some(standing) = standing.filter(|standing| limit > 0.0 && standing.abs() > 5e-5) {
         note(format!(
             "moved {:+.1} mm vertically, stance soles were at {:+.1} mm",
             shift * 1e3,
