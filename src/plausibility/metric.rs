@@ -20,7 +20,7 @@ pub enum Better {
 /// Two results may be compared when key and signature agree: everything that changes the number is in the signature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Metric {
-    /// Stable key, `l0/...`, `l2/...` or `l3/...`.
+    /// Stable key, `l0/...` to `l3/...`.
     pub key: &'static str,
     /// Short column title.
     pub title: &'static str,

@@ -1,4 +1,4 @@
-//! Scores of a motion (level 0) and of a rollout (levels 2 and 3).
+//! Scores of a motion (levels 0 and 1) and of a rollout (levels 2 and 3).
 //!
 //! In: a [`Motion`] or a [`Rollout`], with its humanoid. Out: [`Score`]s, sorted by key.
 //! Nothing here steps the world or writes a file.
@@ -10,6 +10,7 @@
 mod fall;
 mod forces;
 mod ground;
+mod inverse;
 mod joints;
 mod metric;
 mod skate;
@@ -49,6 +50,11 @@ pub static METRICS: &[&Metric] = &[
     &skate::PER_SECOND,
     &skate::PER_FRAME,
     &skate::SLOWEST_CONTACT,
+    &inverse::FORCE_MEAN,
+    &inverse::FORCE_GATED,
+    &inverse::FORCE_P95,
+    &inverse::MOMENT_MEAN,
+    &inverse::TORQUE_LIMIT_SHARE,
     &forces::ASSIST_IMPULSE,
     &forces::ASSIST_MEAN,
     &forces::ASSIST_MOMENT_IMPULSE,
@@ -97,6 +103,15 @@ pub fn kinematic_scores(humanoid: &Humanoid, motion: &Motion) -> Vec<Score> {
     scores.extend(ground::scores(&trace));
     scores.extend(skate::scores(&trace));
     sorted(scores)
+}
+
+/// Level 1: what inverse dynamics cannot explain of a motion.
+///
+/// The floor is the plane z = 0; give it the motion of [`crate::simulation::Simulation::reference_motion`], which stands
+/// there.
+#[must_use]
+pub fn inverse_scores(humanoid: &Humanoid, motion: &Motion) -> Vec<Score> {
+    sorted(inverse::scores(humanoid, motion))
 }
 
 /// Levels 2 and 3: what a simulated motion shows, under the keys of the rollout's own level.

@@ -30,6 +30,7 @@ pub struct Simulation<'a> {
     settings: &'a SimulationSettings,
     duration_secs: f64,
     /// What errors are measured against.
+    reference_motion: Motion,
     reference: Reference,
     /// What the springs are told.
     command: Reference,
@@ -56,6 +57,7 @@ impl<'a> Simulation<'a> {
             settings,
             duration_secs: motion.duration_secs(),
             reference: Reference::new(&retargeted.reference),
+            reference_motion: retargeted.reference,
             command: Reference::new(&retargeted.command),
             chains: chains(humanoid).map_err(|link| SimulationError::Chain { link })?,
             feed_forward: settings
@@ -63,6 +65,18 @@ impl<'a> Simulation<'a> {
                 .then(|| FeedForward::new(humanoid, &retargeted.command, settings.friction)),
             events: retargeted.events,
         })
+    }
+
+    /// The motion that errors are measured against: without jumps, inside the joint limits, moved onto the floor.
+    #[must_use]
+    pub fn reference_motion(&self) -> &Motion {
+        &self.reference_motion
+    }
+
+    /// What was changed in the preparation.
+    #[must_use]
+    pub fn events(&self) -> &[Event] {
+        &self.events
     }
 
     /// Runs one level; `observer` sees every sample as it is made.
