@@ -26,11 +26,17 @@ mod frames;
 mod messages;
 mod metrics;
 mod recorder;
+#[cfg(feature = "rerun")]
+mod rerun;
 mod schemas;
+mod view;
 
+#[cfg(feature = "rerun")]
+pub use self::rerun::{RerunTarget, rerun_view};
 pub use frames::{BASE_FRAME, REFERENCE_PREFIX, ROOT_ALIGNED_FRAME, WORLD_FRAME};
 pub use metrics::{SAMPLE_METRICS, SampleMetric};
 pub use recorder::{Recorder, RecordingHeader, RecordingSummary};
+pub use view::{ViewCommand, view_commands};
 
 use std::path::PathBuf;
 
@@ -65,6 +71,44 @@ pub enum RecordingError {
         time_secs: f64,
         /// What went wrong.
         source: mcap::McapError,
+    },
+    /// A file or folder could not be read.
+    #[error("read {}: {source}", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the file system said.
+        source: std::io::Error,
+    },
+    /// The file is no MCAP file.
+    #[error("read {}: it is not an MCAP recording", path.display())]
+    NotARecording {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The folder holds no recording.
+    #[error("find recordings below {}: there is no .mcap file", path.display())]
+    NoRecordings {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// The recording was never closed.
+    #[cfg(feature = "rerun")]
+    #[error("open the recording {}: it was never closed; recover it with: {command}", path.display())]
+    Unfinished {
+        /// The recording.
+        path: PathBuf,
+        /// What recovers and shows it.
+        command: String,
+    },
+    /// The viewer could not be started or written for.
+    #[cfg(feature = "rerun")]
+    #[error("show the recording {} in rerun: {reason}", path.display())]
+    Rerun {
+        /// The recording.
+        path: PathBuf,
+        /// What rerun said.
+        reason: String,
     },
 }
 

@@ -13,7 +13,7 @@ use rprae::humanoid::Humanoid;
 use rprae::motion::JOINTS;
 use rprae::plausibility::{Better, Metric, Score};
 use rprae::recording::{
-    Recorder, RecordingError, RecordingHeader, RecordingSummary, SAMPLE_METRICS, START_TIME_NS,
+    Recorder, RecordingError, RecordingHeader, RecordingSummary, SAMPLE_METRICS, START_TIME_NS, view_commands,
 };
 use rprae::simulation::{Level, Rollout};
 
@@ -366,6 +366,38 @@ fn a_full_disk_is_an_error_that_names_the_file() {
     assert!(message.contains("/dev/full") && message.contains("No space left"), "{message}");
 }
 
+#[test]
+fn a_run_lists_how_to_look_at_each_rollout() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    fs::create_dir_all(run.join("rollouts")).unwrap();
+    let humanoid = playback::adult();
+    let (closed, open) = (run.join("rollouts/a squat.mcap"), run.join("rollouts/open.mcap"));
+    record(&closed, &humanoid, &playback::rollout(&humanoid, 2)).unwrap();
+    std::mem::forget(with_header(&humanoid, |header| Recorder::create(&open, header)).unwrap());
+    fs::write(run.join("results.json"), "{}").unwrap();
+
+    let commands = view_commands(&run).unwrap();
+    assert_eq!(commands.len(), 2);
+    for command in &commands {
+        assert_eq!((command.id.as_str(), command.level.as_str()), ("squat", "L2"));
+        assert_eq!(command.caption, captions()[0]);
+    }
+    assert_eq!((&commands[0].recording, commands[0].complete), (&closed, true));
+    assert_eq!(commands[0].command, format!("rerun '{}'", closed.display()));
+    assert_eq!((&commands[1].recording, commands[1].complete), (&open, false));
+    assert!(commands[1].command.starts_with("rerun mcap convert --recover "));
+    assert_eq!(view_commands(&closed).unwrap(), commands[..1]);
+
+    let error = view_commands(&run.join("results.json")).unwrap_err();
+    assert!(matches!(error, RecordingError::NotARecording { .. }), "{error}");
+    let error = view_commands(&run.join("nothing")).unwrap_err();
+    assert!(matches!(error, RecordingError::Read { .. }), "{error}");
+    fs::create_dir(run.join("empty")).unwrap();
+    let error = view_commands(&run.join("empty")).unwrap_err();
+    assert!(matches!(error, RecordingError::NoRecordings { .. }), "{error}");
+}
+
 /// Another implementation of MCAP and CDR reads the numbers that were written.
 ///
 /// `RPRAE_PYTHON` names a Python with the packages of `tests/peers/recording-requirements.txt`.
@@ -421,4 +453,22 @@ fn a_stranger_reads_the_same_numbers() {
         .unwrap();
     println!("{}", String::from_utf8_lossy(&output.stdout));
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// The saved file stays in the temporary folder of the target directory, for a look with a viewer.
+#[test]
+#[cfg(feature = "rerun")]
+fn rerun_gets_a_layout() {
+    use rprae::recording::{RerunTarget, rerun_view};
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("rerun");
+    fs::create_dir_all(&folder).unwrap();
+    let (path, saved) = (folder.join("squat.mcap"), folder.join("squat.rrd"));
+    for file in [&path, &saved] {
+        let _ = fs::remove_file(file);
+    }
+    let humanoid = playback::adult();
+    record(&path, &humanoid, &playback::rollout(&humanoid, 601)).unwrap();
+    rerun_view(&path, &RerunTarget::File(saved.clone())).unwrap();
+    // The file holds the messages, not just the layout.
+    assert!(fs::metadata(&saved).unwrap().len() > fs::metadata(&path).unwrap().len());
 }
