@@ -1,5 +1,7 @@
 //! Numbers of one sample, plotted over time by a viewer.
 
+use std::f64::consts::TAU;
+
 use nalgebra::{Isometry3, Vector3};
 
 use crate::humanoid::{Humanoid, NUM_SEGMENTS};
@@ -52,7 +54,7 @@ pub const SAMPLE_METRICS: [SampleMetric; 14] = [
     },
     SampleMetric {
         name: "joint_rms_rad",
-        meaning: "root mean square joint angle error over the 44 joints, rad",
+        meaning: "root mean square joint angle error over the 44 joints, differences taken to -pi..pi, rad",
         value: |sample, _| joint_rms_rad(sample),
     },
     SampleMetric {
@@ -137,7 +139,8 @@ fn mean_distance_mm(sample: &RolloutSample, shift_m: Vector3<f64>) -> f64 {
 
 fn joint_rms_rad(sample: &RolloutSample) -> f64 {
     let pairs = sample.joint_angles_rad.iter().zip(&sample.reference_joint_angles_rad);
-    let squares: f64 = pairs.map(|(simulated, reference)| (simulated - reference).powi(2)).sum();
+    let wrapped = |angle: f64| angle - TAU * (angle / TAU).round();
+    let squares: f64 = pairs.map(|(simulated, reference)| wrapped(simulated - reference).powi(2)).sum();
     (squares / NUM_JOINTS as f64).sqrt()
 }
 
@@ -213,7 +216,8 @@ mod tests {
     #[test]
     fn efforts_are_shares_of_weight_and_limit() {
         let mut sample = at_reference();
-        sample.joint_angles_rad[3] += 0.44;
+        // A whole turn more is the same angle.
+        sample.joint_angles_rad[3] += 0.44 + TAU;
         assert!((value_of("joint_rms_rad", &sample) - 0.44 / 44.0_f64.sqrt()).abs() < 1e-12);
         // Knees carry at most 3.5 N m per kilogram.
         sample.joint_torques_nm[crate::motion::joint_index("LKx").unwrap()] = -0.5 * 3.5 * 65.0;

@@ -3,7 +3,7 @@
 //! The layout: both robots and the contacts in 3D, caption and events below, and beside them tracking error, forces,
 //! joint angles and joint torques over time.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rerun::blueprint::components::{LoopMode, PanelState, PlayState, VisualizerComponentMapping};
 use rerun::blueprint::{
@@ -11,11 +11,12 @@ use rerun::blueprint::{
     SelectionPanel, Spatial3DView, Tabs, TextDocumentView, TextLogView, TimePanel, TimeSeriesView, Vertical,
     Visualizer, VisualizerComponentMapping as Mapping,
 };
-use rerun::{RecordingStreamBuilder, SeriesLines};
+use rerun::components::FillMode;
+use rerun::{Boxes3D, Cylinders3D, Ellipsoids3D, RecordingStreamBuilder, SeriesLines};
 
 use super::RecordingError;
 use super::schemas::Schema;
-use super::view::view_commands;
+use super::view::ViewCommand;
 
 /// Where a recording is shown.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -29,35 +30,43 @@ pub enum RerunTarget {
 /// Shows a recording in rerun, or saves it for rerun, with a layout for rollouts.
 ///
 /// # Errors
-/// [`RecordingError::Unfinished`] for the recording of a killed process, [`RecordingError::Rerun`] when rerun cannot
-/// be started or the file cannot be written, and those of [`view_commands`].
-pub fn rerun_view(recording: &Path, target: &RerunTarget) -> Result<(), RecordingError> {
-    for rollout in view_commands(recording)? {
-        if !rollout.complete {
-            return Err(RecordingError::Unfinished { path: rollout.recording, command: rollout.command });
-        }
-        let failed = |error: &dyn std::fmt::Display| RecordingError::Rerun {
-            path: rollout.recording.clone(),
-            reason: error.to_string(),
-        };
-        let builder = RecordingStreamBuilder::new("rprae")
-            .recording_id(format!("{}-{}", rollout.id, rollout.level))
-            .recording_name(format!("{} {}", rollout.id, rollout.level));
-        let stream = match target {
-            RerunTarget::Viewer => builder.spawn(),
-            RerunTarget::File(path) => builder.save(path),
-        }
-        .map_err(|error| failed(&error))?;
-        layout().send(&stream, BlueprintActivation::default()).map_err(|error| failed(&error))?;
-        stream.log_file_from_path(&rollout.recording, None, true).map_err(|error| failed(&error))?;
-        // Waits for the importer, too.
-        stream.flush_blocking().map_err(|error| failed(&error))?;
+/// [`RecordingError::Unfinished`] for the recording of a killed process, [`RecordingError::Exists`] when the file to
+/// save to is there already, [`RecordingError::Rerun`] when rerun cannot be started or the file cannot be written.
+pub fn rerun_view(rollout: &ViewCommand, target: &RerunTarget) -> Result<(), RecordingError> {
+    let path = &rollout.recording;
+    if !rollout.complete {
+        return Err(RecordingError::Unfinished { path: path.clone(), command: rollout.command.clone() });
     }
-    Ok(())
+    let failed = |error: &dyn std::fmt::Display| RecordingError::Rerun {
+        path: path.clone(),
+        reason: error.to_string(),
+    };
+    let builder = RecordingStreamBuilder::new("rprae")
+        .recording_id(format!("{}-{}", rollout.id, rollout.level))
+        .recording_name(format!("{} {}", rollout.id, rollout.level));
+    let stream = match target {
+        RerunTarget::Viewer => builder.spawn(),
+        RerunTarget::File(path) if path.exists() => {
+            return Err(RecordingError::Exists { path: path.clone() });
+        }
+        RerunTarget::File(path) => builder.save(path),
+    }
+    .map_err(|error| failed(&error))?;
+    stream.log_file_from_path(path, None, true).map_err(|error| failed(&error))?;
+    // Waits for the importer, too.
+    stream.flush_blocking().map_err(|error| failed(&error))?;
+    // The layout comes last: a view places its camera by what is there when the view appears.
+    layout().send(&stream, BlueprintActivation::default()).map_err(|error| failed(&error))?;
+    stream.flush_blocking().map_err(|error| failed(&error))
 }
 
 fn layout() -> Blueprint {
-    let scene = Spatial3DView::new("simulation and reference").with_contents(["+ /**"]);
+    // Solid bodies; the reference stays see-through by its colour.
+    let scene = Spatial3DView::new("simulation and reference")
+        .with_contents(["+ /**"])
+        .with_defaults(&Boxes3D::update_fields().with_fill_mode(FillMode::Solid))
+        .with_defaults(&Cylinders3D::update_fields().with_fill_mode(FillMode::Solid))
+        .with_defaults(&Ellipsoids3D::update_fields().with_fill_mode(FillMode::Solid));
     let caption = TextDocumentView::new("caption").with_origin("/caption");
     let events = TextLogView::new("events").with_contents(["/rosout"]);
     let joints = |name: &str, origin: &str| TimeSeriesView::new(name).with_origin(origin);
@@ -71,7 +80,7 @@ fn layout() -> Blueprint {
     let right = Vertical::new([
         metrics_view("tracking error, mm", &["mpjpe_world_mm", "mpjpe_root_relative_mm"]),
         metrics_view(
-            "forces, body weights",
+            "forces in body weights, torque by its limit",
             &["ground_force_body_weights", "assist_force_body_weights", "torque_share_max"],
         ),
         ContainerLike::from(angles),

@@ -468,7 +468,10 @@ fn rerun_gets_a_layout() {
     }
     let humanoid = playback::adult();
     record(&path, &humanoid, &playback::rollout(&humanoid, 601)).unwrap();
-    rerun_view(&path, &RerunTarget::File(saved.clone())).unwrap();
+    let rollout = &view_commands(&path).unwrap()[0];
+    rerun_view(rollout, &RerunTarget::File(saved.clone())).unwrap();
+    let error = rerun_view(rollout, &RerunTarget::File(saved.clone())).unwrap_err();
+    assert!(matches!(error, RecordingError::Exists { .. }), "{error}");
     // The file holds the messages, not just the layout.
     assert!(fs::metadata(&saved).unwrap().len() > fs::metadata(&path).unwrap().len());
 }
