@@ -8,3 +8,4 @@ pub mod motion;
 pub mod plausibility;
 pub mod robot;
 pub mod simulation;
+pub mod synthesis;
