@@ -8,6 +8,7 @@
 
 mod actor;
 mod dynamics;
+mod flight;
 mod foot;
 mod gait;
 mod gestures;

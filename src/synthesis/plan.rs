@@ -3,6 +3,7 @@
 use nalgebra::{Isometry3, Vector3};
 
 use super::dynamics::{Dynamics, GRAVITY_M_S2, LEAST_SUPPORT, balanced_path};
+use super::flight;
 use super::foot::{Contact, FootTrack};
 use super::leg::Leg;
 use super::posture::Posture;
@@ -61,7 +62,10 @@ impl Plan {
         for (frame, height) in frames.iter_mut().zip(&height_m) {
             frame.root_position_m = [0.0, 0.0, *height - 0.05];
         }
+        let pelvis_pitch_rad: Vec<f64> = frames.iter().map(|frame| frame.root_rotation_rad[0]).collect();
         let mut moment = vec![Vector3::<f64>::zeros(); num_frames];
+        let unsupported = flight::unsupported(&specific_force);
+        let mut tilt_rad = vec![0.0; num_frames];
         let mut poses = vec![Vec::new(); num_frames];
         let mut missing_m = vec![[0.0; 2]; num_frames];
         for _ in 0..PASSES {
@@ -79,8 +83,11 @@ impl Plan {
                 balanced_path(&height_m, &specific_force, &load, ends, RATE_HZ)
             };
             let (x, y) = (path(0), path(1));
+            let pitch_rate: Vec<f64> = moment.iter().map(|moment| moment.x).collect();
+            tilt_rad = flight::tilt(&unsupported, &pitch_rate, &tilt_rad);
             for i in 0..num_frames {
                 let com = Vector3::new(x[i], y[i], height_m[i]);
+                frames[i].root_rotation_rad[0] = pelvis_pitch_rad[i] + tilt_rad[i];
                 let ankles = [feet[i][0].world_from_foot, feet[i][1].world_from_foot];
                 for (side, joint) in Posture::TOES.iter().enumerate() {
                     frames[i].joint_angles_rad[*joint] = feet[i][side].toe_rad;

@@ -21,11 +21,11 @@ const FOOTFALLS: [(Side, f64, f64, f64); 11] = [
     (Side::Left, 2.35, 2.61, 2.05),
     (Side::Right, 2.69, 2.95, 2.78),
     (Side::Left, 3.03, 3.29, 3.52),
-    (Side::Right, 3.37, 3.65, 4.22),
-    (Side::Left, 3.70, 4.10, 4.80),
-    (Side::Right, 4.02, 4.56, 5.22),
-    (Side::Left, 4.46, f64::INFINITY, 5.36),
-    (Side::Right, 4.98, f64::INFINITY, 5.36),
+    (Side::Right, 3.37, 3.75, 4.16),
+    (Side::Left, 3.70, 4.18, 4.66),
+    (Side::Right, 4.08, 4.62, 5.06),
+    (Side::Left, 4.52, f64::INFINITY, 5.18),
+    (Side::Right, 5.02, f64::INFINITY, 5.18),
 ];
 /// Leaving of the standing right and left foot, seconds.
 const FIRST_LEAVE_SECS: [f64; 2] = [1.0, 1.36];
@@ -34,15 +34,15 @@ const DURATION_SECS: f64 = 6.6;
 /// Half the distance between the lines of the feet, metres.
 const HALF_WIDTH_M: f64 = 0.05;
 /// Height of the centre of mass on leaving and landing above that of quiet standing, metres, for each flight.
-const FLIGHT_HEIGHTS_M: [f64; 7] = [-0.045, -0.035, -0.035, -0.025, -0.02, -0.015, -0.03];
+const FLIGHT_HEIGHTS_M: [f64; 6] = [-0.045, -0.035, -0.035, -0.03, -0.03, -0.04];
 /// Height above quiet standing while gathering speed and while braking, metres.
-const LOW_M: f64 = -0.05;
+const LOW_M: f64 = -0.044;
 
 const MANNER: Manner = Manner {
     full_step_m: 0.75,
     pelvis_turn_deg: 6.0,
     pelvis_drop_deg: 3.0,
-    lean_deg: 9.0,
+    lean_deg: 7.0,
     arm_swing_deg: 24.0,
     elbow_deg: 75.0,
     elbow_swing_deg: 8.0,
@@ -67,7 +67,7 @@ pub(super) fn jog(actor: &Actor) -> Plan {
         key(leave, height, speed, -GRAVITY_M_S2);
         key(land, height, -speed, -GRAVITY_M_S2);
     }
-    key(3.95, actor.standing_com_m + LOW_M, 0.0, 0.0);
+    key(3.62, actor.standing_com_m + LOW_M, 0.0, 0.0);
     key(5.2, actor.standing_com_m, 0.0, 0.0);
     plan
 }
@@ -91,13 +91,11 @@ fn footfalls() -> Footfalls {
         // Before a flight the runner stays on the toes; the other steps use the whole sole.
         let springs = index < FLIGHT_HEIGHTS_M.len();
         if springs {
-            stance.tiptoe_rad = 0.31;
+            stance.tiptoe_rad = 0.27;
             stance.flat_secs = land + 0.09;
             stance.land_pitch_rad = -0.10;
-            stance.leave_toe_rad = 0.51;
+            stance.leave_toe_rad = 0.55;
         } else if !closing {
-            stance.flat_secs = land + 0.06;
-            stance.land_pitch_rad = 0.06;
             stance.leave_toe_rad = 0.80;
         }
         if !closing {
@@ -108,7 +106,7 @@ fn footfalls() -> Footfalls {
         } else if closing {
             [0.0, 0.06]
         } else {
-            [0.02, 0.155]
+            [0.0, 0.155]
         };
         footfalls.0.push(Footfall { side, stance, lift_m: 0.13, dip_rad: 0.40, support_m });
     }
