@@ -9,3 +9,4 @@ pub mod plausibility;
 pub mod recording;
 pub mod robot;
 pub mod simulation;
+pub mod synthesis;
