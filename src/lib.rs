@@ -6,5 +6,6 @@ pub mod humanoid;
 pub mod kinematics;
 pub mod motion;
 pub mod plausibility;
+pub mod recording;
 pub mod robot;
 pub mod simulation;
