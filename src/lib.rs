@@ -4,6 +4,7 @@ pub mod dataset;
 pub mod dynamics;
 pub mod humanoid;
 pub mod kinematics;
+pub mod manifest;
 pub mod motion;
 pub mod plausibility;
 pub mod recording;
