@@ -8,5 +8,6 @@ pub mod manifest;
 pub mod motion;
 pub mod plausibility;
 pub mod recording;
+pub mod report;
 pub mod robot;
 pub mod simulation;
