@@ -2,6 +2,7 @@
 
 pub mod dataset;
 pub mod dynamics;
+pub mod harness;
 pub mod humanoid;
 pub mod kinematics;
 pub mod manifest;
