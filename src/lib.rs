@@ -1,5 +1,6 @@
 //! Simulation-in-the-loop evaluation of language <-> whole-body motion models.
 
+pub mod cli;
 pub mod dataset;
 pub mod dynamics;
 pub mod harness;
