@@ -1,2 +1,5 @@
-//! Entry point.
-fn main() {}
+//! The main job: motions through the simulator, scored and recorded.
+
+fn main() -> std::process::ExitCode {
+    rprae::cli::eval_sim()
+}

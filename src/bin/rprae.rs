@@ -1,2 +1,5 @@
-//! Entry point.
-fn main() {}
+//! Everything else: comparing runs, viewing recordings, explaining metrics.
+
+fn main() -> std::process::ExitCode {
+    rprae::cli::rprae()
+}

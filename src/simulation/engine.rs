@@ -9,6 +9,9 @@ use super::SimulationSettings;
 /// Gravitational acceleration, m/s^2, along -z of the world. The one place where up and g are set.
 pub const GRAVITY_M_S2: f64 = 9.81;
 
+/// Version of the physics engine; numbers of different versions cannot be compared.
+pub const ENGINE_VERSION: &str = rapier3d_f64::VERSION;
+
 /// Collision group of the ground.
 const GROUND: Group = Group::GROUP_1;
 /// Collision group of the body; it meets the ground only, not itself.

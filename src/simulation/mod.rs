@@ -26,7 +26,7 @@ mod sole;
 
 pub use balls::ADDED_INERTIA;
 pub use body::AddedInertia;
-pub use engine::GRAVITY_M_S2;
+pub use engine::{ENGINE_VERSION, GRAVITY_M_S2};
 pub use gains::{Gains, gains};
 pub use rollout::{Contact, Event, EventKind, Outcome, Rollout, RolloutSample, SegmentPoses};
 pub use run::{LOST_TRACK_M, Simulation};

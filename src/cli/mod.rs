@@ -1,0 +1,131 @@
+//! The command lines of `eval-sim` and `rprae`.
+//!
+//! In: arguments. Out: tables and paths on standard output, progress and complaints on standard error, and an [`Exit`].
+//! Arguments become typed settings once, here; everything below takes values, not strings.
+
+mod exit;
+mod metrics;
+mod output;
+mod progress;
+mod regress;
+mod resolve;
+mod sim;
+mod summary;
+mod urdf;
+mod view;
+
+pub use exit::Exit;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+const EXIT_CODES: &str = "\
+Exit codes:
+  0  clean
+  1  the run failed, or a case did: a rollout ended non-finite or quarantined, or a result could not be written
+  2  wrong usage, or a dataset, baseline or results file that cannot be read
+  3  finished, but inputs were skipped
+  4  regression
+When several apply: 2, then 1, then 4, then 3. A fall and a bad score are results, not failures.";
+
+/// Drives a simulated humanoid with recorded or generated motions and scores how physically plausible they are.
+///
+/// Without arguments it runs the bundled suite and writes everything to results/bundled-NNN.
+#[derive(Debug, Parser)]
+#[command(name = "eval-sim", version, after_help = EXIT_CODES)]
+struct EvalSim {
+    #[command(flatten)]
+    sim: sim::SimArgs,
+}
+
+/// Evaluation of language <-> whole-body motion models with a simulator in the loop.
+#[derive(Debug, Parser)]
+#[command(name = "rprae", version, after_help = EXIT_CODES)]
+struct Rprae {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Debug, Subcommand)]
+enum Verb {
+    /// Run motions through the simulator and score them; the same as `eval-sim`
+    Sim(Box<sim::SimArgs>),
+    /// Compare a run with an accepted one; exit code 4 on a regression
+    Regress(regress::RegressArgs),
+    /// Print the commands that open the recordings of a run
+    View(view::ViewArgs),
+    /// Write the URDF of the humanoid for a height and mass
+    Urdf(urdf::UrdfArgs),
+    /// List the metrics, or explain one
+    Metrics(metrics::MetricsArgs),
+}
+
+/// Runs `eval-sim` with the arguments of the process.
+#[must_use]
+pub fn eval_sim() -> ExitCode {
+    let EvalSim { sim } = EvalSim::parse();
+    finish(sim::run(&sim))
+}
+
+/// Runs `rprae` with the arguments of the process.
+#[must_use]
+pub fn rprae() -> ExitCode {
+    let Rprae { verb } = Rprae::parse();
+    finish(match verb {
+        Verb::Sim(args) => sim::run(&args),
+        Verb::Regress(args) => regress::run(&args),
+        Verb::View(args) => view::run(&args),
+        Verb::Urdf(args) => urdf::run(&args),
+        Verb::Metrics(args) => metrics::run(&args),
+    })
+}
+
+fn finish(outcome: Result<Exit, exit::Failure>) -> ExitCode {
+    let exit = outcome.unwrap_or_else(|failure| {
+        eprintln!("error: failed to {}", message(&failure.error));
+        failure.exit
+    });
+    ExitCode::from(exit.code())
+}
+
+/// An error with its causes, leaving out a cause that the text before it already ends with.
+fn message(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1) {
+        let cause = cause.to_string();
+        if !text.ends_with(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_lines_are_sound() {
+        EvalSim::command().debug_assert();
+        Rprae::command().debug_assert();
+    }
+
+    #[test]
+    fn causes_are_told_once() {
+        let error =
+            anyhow::anyhow!("no such file").context("read a.xml: no such file").context("open the suite");
+        assert_eq!(message(&error), "open the suite: read a.xml: no such file");
+    }
+
+    #[test]
+    fn help_tells_every_exit_code() {
+        let mut help = Vec::new();
+        EvalSim::command().write_long_help(&mut help).unwrap();
+        let help = String::from_utf8(help).unwrap();
+        for exit in [Exit::Clean, Exit::Failed, Exit::Usage, Exit::Skipped, Exit::Regressed] {
+            assert!(help.contains(&format!("\n  {}  ", exit.code())), "{exit:?}");
+        }
+    }
+}

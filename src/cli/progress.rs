@@ -1,0 +1,94 @@
+//! Progress on standard error: a bar where a person watches, plain lines where not.
+
+use std::io::IsTerminal;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::harness::Progress;
+use crate::report::{CaseResult, shorten};
+
+/// Shows what a run is doing.
+pub(super) struct Display {
+    quiet: bool,
+    /// `None` where nobody watches.
+    bar: Option<ProgressBar>,
+    num_cases: AtomicUsize,
+    num_done: AtomicUsize,
+}
+
+impl Display {
+    pub(super) fn new(quiet: bool) -> Self {
+        let watched = !quiet && std::io::stderr().is_terminal();
+        Self {
+            quiet,
+            bar: watched.then(ProgressBar::no_length),
+            num_cases: AtomicUsize::new(0),
+            num_done: AtomicUsize::new(0),
+        }
+    }
+
+    /// Takes note; called from the worker threads.
+    pub(super) fn observe(&self, progress: Progress<'_>) {
+        match progress {
+            Progress::Started { num_cases } => {
+                self.num_cases.store(num_cases, Ordering::Relaxed);
+                if let Some(bar) = &self.bar {
+                    bar.set_length(num_cases as u64);
+                    // The template is fixed and valid; without it the bar would only look different.
+                    if let Ok(style) =
+                        ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left  {wide_msg}")
+                    {
+                        bar.set_style(style);
+                    }
+                    bar.tick();
+                }
+            }
+            Progress::Finished { case, resumed, secs } => {
+                let what = if resumed {
+                    "already finished".to_owned()
+                } else {
+                    format!("{:.1} s of motion in {secs:.1} s", case.duration_secs)
+                };
+                self.step(&case.id, &what, failure(case));
+            }
+            Progress::Skipped { input } => {
+                self.line(&format!("skipped {}: {}", shorten(&input.id, 40), shorten(&input.reason, 400)));
+            }
+        }
+    }
+
+    fn step(&self, id: &str, what: &str, failure: Option<&str>) {
+        let done = 1 + self.num_done.fetch_add(1, Ordering::Relaxed);
+        let id = shorten(id, 40);
+        if let Some(reason) = failure {
+            self.line(&format!("failed {id}: {}", shorten(reason, 400)));
+        }
+        match &self.bar {
+            Some(bar) => {
+                bar.set_message(id);
+                bar.inc(1);
+            }
+            None => self.line(&format!("[{done}/{}] {id}: {what}", self.num_cases.load(Ordering::Relaxed))),
+        }
+    }
+
+    fn line(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            None if self.quiet => {}
+            None => eprintln!("{text}"),
+        }
+    }
+
+    /// Clears the bar.
+    pub(super) fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+fn failure(case: &CaseResult) -> Option<&str> {
+    case.failures.first().map(String::as_str)
+}

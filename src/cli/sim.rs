@@ -1,0 +1,121 @@
+//! `eval-sim`, which is also `rprae sim`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::exit::{Exit, Failure, OrExit};
+use super::progress::Display;
+use super::{output, resolve, summary};
+use crate::dataset::Dataset;
+use crate::harness::{self, HarnessError, RunFolder, RunSettings, Source};
+use crate::report::KEY_METRICS;
+use crate::simulation::{JointForm, Level};
+
+/// Where runs without `--out` go.
+const RESULTS: &str = "results";
+
+/// Arguments of a run. What is not given comes from `--config`, and from the defaults where that is silent.
+#[derive(Debug, Default, Args)]
+pub(super) struct SimArgs {
+    /// Motions to run: an MMM XML file, a folder or zip in the KIT-ML layout, or a .npy, .npz or .csv table of
+    /// frames x 50; the bundled suite when absent
+    #[arg(long, value_name = "PATH")]
+    pub motions: Option<PathBuf>,
+    /// Run folder; an unfinished run with the same settings there is continued. Default: results/NAME-NNN, a new one
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Levels to run, comma-separated: L0 kinematic, L2 assisted tracking, L3 unassisted tracking [default: all three]
+    #[arg(long, value_name = "LEVELS", value_delimiter = ',', value_parser = resolve::level)]
+    pub levels: Option<Vec<Level>>,
+    /// Length of a simulation step in seconds, also as a fraction [default: 1/480]; longer is faster and less stable
+    #[arg(long, value_name = "SECONDS", value_parser = resolve::fraction)]
+    pub dt: Option<f64>,
+    /// Largest assist force at the root at L2, as a share of body weight [default: 0.2]
+    #[arg(long, value_name = "SHARE")]
+    pub assist_limit: Option<f64>,
+    /// How joints are represented: balls is fast, multibody ten times slower and the reference [default: balls]
+    #[arg(long, value_name = "FORM", value_parser = resolve::joint_form)]
+    pub joint_form: Option<JointForm>,
+    /// Worker threads [default: one a core]; results do not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Run at most this many motions, the first by id
+    #[arg(long, value_name = "N")]
+    pub limit: Option<usize>,
+    /// Run only these motions, comma-separated
+    #[arg(long, value_name = "IDS", value_delimiter = ',')]
+    pub ids: Option<Vec<String>>,
+    /// Seed of the bootstrap intervals, the only randomness of a run [default: 0]
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Settings file (TOML); the settings.toml of a run repeats it. Flags override it, unknown keys are refused
+    #[arg(long, value_name = "TOML")]
+    pub config: Option<PathBuf>,
+    /// Frames per second of number tables, which do not say it themselves
+    #[arg(long, value_name = "HZ")]
+    pub rate: Option<f64>,
+    /// Body height in metres for number tables
+    #[arg(long, value_name = "METRES")]
+    pub height: Option<f64>,
+    /// Body mass in kilograms for all motions [default: what the file says, or 22.5 times the squared height]
+    #[arg(long, value_name = "KG")]
+    pub mass: Option<f64>,
+    /// Do not record the rollouts as MCAP files
+    #[arg(long)]
+    pub no_recordings: bool,
+    /// Replace the run that --out holds
+    #[arg(long, requires = "out")]
+    pub overwrite: bool,
+    /// Print nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Runs the suite and prints what came out.
+pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
+    let settings = resolve::settings(args).or_usage()?;
+    let dataset = resolve::dataset(&settings).or_usage()?;
+    let name = settings.motions.as_deref().map_or_else(|| "bundled".to_owned(), short_name);
+    let folder = open_folder(args, &settings, &name)?;
+
+    let threads = match args.threads {
+        Some(threads) => usize::from(threads),
+        None => std::thread::available_parallelism().map_or(1, usize::from),
+    };
+    let display = Display::new(args.quiet);
+    let source: &dyn Source = &(name.as_str(), &dataset as &Dataset);
+    let run = harness::run(source, &settings, &folder, threads, &|progress| display.observe(progress));
+    display.finish();
+    let run = match run {
+        Err(error @ (HarnessError::UnknownIds { .. } | HarnessError::NoMotions { .. })) => {
+            return Err(error).or_usage();
+        }
+        other => other.or_failed()?,
+    };
+    harness::publish(&run, &folder, KEY_METRICS).or_failed()?;
+    if !args.quiet {
+        output::print(&summary::text(&run, folder.path(), output::table_width())).or_failed()?;
+    }
+    let failed = if run.results.num_failed() > 0 { Exit::Failed } else { Exit::Clean };
+    let skipped = if run.results.skipped.is_empty() { Exit::Clean } else { Exit::Skipped };
+    Ok(failed.or_worse(skipped))
+}
+
+fn open_folder(args: &SimArgs, settings: &RunSettings, name: &str) -> Result<RunFolder, Failure> {
+    use crate::harness::FolderError;
+
+    let folder = match &args.out {
+        Some(path) => RunFolder::open(path, settings, name, args.overwrite),
+        None => RunFolder::create_next(Path::new(RESULTS), name, settings, name),
+    };
+    match folder {
+        Err(error @ FolderError::Io(_)) => Err(error).or_failed(),
+        other => other.or_usage(),
+    }
+}
+
+/// A name for tables and folders: the last part of a path without its extension.
+fn short_name(path: &Path) -> String {
+    path.file_stem().map_or_else(|| "motions".to_owned(), |stem| stem.to_string_lossy().into_owned())
+}

@@ -1,0 +1,134 @@
+//! What a run prints when it is done.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::output::rprae_command;
+use crate::harness::Run;
+use crate::report::{Align, Column, KEY_METRICS, Results, Table, compact, results_table, shorten};
+
+/// Most lines of a list; the files have the rest.
+const MAX_LISTED: usize = 10;
+
+/// The cases as a table, the aggregates, what was skipped, where the files are, and what to type next.
+pub(super) fn text(run: &Run, folder: &Path, width: usize) -> String {
+    let results = &run.results;
+    let mut text = String::new();
+    if !results.cases.is_empty() {
+        text.push('\n');
+        text.push_str(&results_table(results, KEY_METRICS, width));
+        text.push('\n');
+        text.push_str(&aggregates(results).render(width));
+    }
+    push_list(
+        &mut text,
+        "Failed cases",
+        results.cases.iter().flat_map(|case| {
+            case.failures.iter().map(|reason| format!("{}: {reason}", case.id)).collect::<Vec<_>>()
+        }),
+        width,
+    );
+    push_list(
+        &mut text,
+        "Skipped inputs",
+        results.skipped.iter().map(|input| format!("{}: {}", input.id, input.reason)),
+        width,
+    );
+    let warnings = results.cases.iter().flat_map(|case| {
+        case.warnings.iter().map(|warning| format!("{}: {warning}", case.id)).collect::<Vec<_>>()
+    });
+    push_list(&mut text, "Warnings", warnings, width);
+    push_counts(&mut text, run);
+    push_next_steps(&mut text, results, folder);
+    text
+}
+
+fn aggregates(results: &Results) -> Table {
+    let shown: Vec<_> = KEY_METRICS
+        .iter()
+        .filter_map(|key| results.aggregates.iter().find(|aggregate| aggregate.key == *key))
+        .filter_map(|aggregate| Some((aggregate, results.metric(&aggregate.key)?)))
+        .collect();
+    let column = |heading: &str, align, cells: Vec<String>| Column {
+        heading: vec![heading.to_owned()],
+        align,
+        min_width: None,
+        cells,
+    };
+    let numbers = |heading: &str, value: fn(&crate::report::Aggregate) -> String| {
+        column(heading, Align::Right, shown.iter().map(|(aggregate, _)| value(aggregate)).collect())
+    };
+    let interval = |aggregate: &crate::report::Aggregate| {
+        aggregate
+            .mean_interval
+            .map_or_else(|| "-".to_owned(), |ends| format!("{} to {}", compact(ends.low), compact(ends.high)))
+    };
+    Table {
+        columns: vec![
+            column(
+                "over all cases",
+                Align::Left,
+                shown
+                    .iter()
+                    .map(|(_, metric)| format!("{} {}", metric.level, metric.title_with_unit()))
+                    .collect(),
+            ),
+            numbers("n", |aggregate| aggregate.num_cases.to_string()),
+            numbers("without", |aggregate| aggregate.num_without.to_string()),
+            numbers("median", |aggregate| compact(aggregate.median)),
+            numbers("min", |aggregate| compact(aggregate.min)),
+            numbers("max", |aggregate| compact(aggregate.max)),
+            numbers("mean", |aggregate| compact(aggregate.mean)),
+            numbers("95 % interval", interval),
+        ],
+    }
+}
+
+fn push_list(text: &mut String, heading: &str, lines: impl Iterator<Item = String>, width: usize) {
+    let lines: Vec<String> = lines.collect();
+    if lines.is_empty() {
+        return;
+    }
+    let _ = writeln!(text, "\n{heading} ({}):", lines.len());
+    for line in lines.iter().take(MAX_LISTED) {
+        let _ = writeln!(text, "  {}", shorten(line, width.saturating_sub(2)));
+    }
+    if lines.len() > MAX_LISTED {
+        let _ = writeln!(text, "  and {} more, all in report.md", lines.len() - MAX_LISTED);
+    }
+}
+
+fn push_counts(text: &mut String, run: &Run) {
+    let (results, timings) = (&run.results, &run.timings);
+    let resumed = match run.num_resumed() {
+        0 => String::new(),
+        count => format!(" ({count} found finished)"),
+    };
+    let _ = writeln!(
+        text,
+        "\n{} cases{resumed}, {} failed, {} skipped; {:.1} s of motion in {:.1} s on {} threads",
+        results.cases.len(),
+        results.num_failed(),
+        results.skipped.len(),
+        timings.motion_secs,
+        timings.total_secs,
+        timings.threads
+    );
+    let _ = writeln!(text, "{}: {}", results.key.engine, results.key.signature);
+}
+
+fn push_next_steps(text: &mut String, results: &Results, folder: &Path) {
+    let path = folder.as_os_str();
+    let has_recordings =
+        results.cases.iter().flat_map(|case| &case.levels).any(|level| level.recording.is_some());
+    let _ = writeln!(text, "\nResults:  {}", folder.display());
+    let _ = writeln!(text, "Page:     {}", folder.join("report.html").display());
+    if has_recordings {
+        let _ = writeln!(text, "Watch:    {}", rprae_command(&["view".as_ref(), path]));
+    }
+    let baseline = std::ffi::OsStr::new("baseline.json");
+    let accept = ["regress".as_ref(), "--baseline".as_ref(), baseline, "--update".as_ref(), path];
+    let compare = ["regress".as_ref(), "--baseline".as_ref(), baseline, path];
+    let _ = writeln!(text, "Accept:   {}", rprae_command(&accept));
+    let _ = writeln!(text, "Compare:  {}", rprae_command(&compare));
+}

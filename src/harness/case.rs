@@ -1,0 +1,254 @@
+//! One case: a motion, its body, its scores at every level, its recordings.
+
+use std::collections::BTreeMap;
+use std::io;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use super::fingerprint::motion_sha256;
+use super::{RunFolder, RunSettings, Source};
+use crate::dataset::Sample;
+use crate::humanoid::Humanoid;
+use crate::manifest::{RunKey, SkippedInput};
+use crate::motion::{JUMP_SPEED_RAD_S, Jump, filter_jumps};
+use crate::plausibility::{Score, kinematic_scores, rollout_scores};
+use crate::recording::{Recorder, RecordingError, RecordingHeader, RecordingSummary};
+use crate::report::{CaseResult, LevelResult};
+use crate::simulation::{Event, EventKind, Level, Outcome, Rollout, RolloutSample, simulate};
+
+/// What all cases of a run share.
+pub(super) struct CaseContext<'a> {
+    settings: &'a RunSettings,
+    folder: &'a RunFolder,
+    /// The settings as TOML, for the recordings.
+    settings_text: String,
+    /// The key of the run as metadata, for the recordings.
+    metadata: BTreeMap<String, String>,
+}
+
+impl<'a> CaseContext<'a> {
+    pub(super) fn new(settings: &'a RunSettings, key: &RunKey, folder: &'a RunFolder) -> Self {
+        let metadata = [
+            ("rprae", key.rprae.clone()),
+            ("engine", key.engine.clone()),
+            ("device", key.device.clone()),
+            ("signature", key.signature.clone()),
+            ("seed", settings.seed.to_string()),
+        ];
+        Self {
+            settings,
+            folder,
+            // The folder was opened with the same settings, so they have a TOML form.
+            settings_text: settings.to_toml().unwrap_or_default(),
+            metadata: metadata.into_iter().map(|(name, value)| (name.to_owned(), value)).collect(),
+        }
+    }
+}
+
+/// Runs a case unless the folder has it, saves it, and says whether it was found.
+///
+/// A panic while reading skips the input, a panic later fails the case: the rest of the run is not its business.
+pub(super) fn finish_case(
+    context: &CaseContext<'_>,
+    source: &dyn Source,
+    index: usize,
+) -> io::Result<Result<(CaseResult, bool), SkippedInput>> {
+    let loaded = catch_unwind(AssertUnwindSafe(|| source.load(index))).unwrap_or_else(|panic| {
+        let id = source.ids().swap_remove(index);
+        let reason = format!("reading it panicked: {}", panic_message(&*panic));
+        Err(SkippedInput { id, source: source.name(), reason })
+    });
+    let sample = match loaded {
+        Ok(sample) => sample,
+        Err(skipped) => return Ok(Err(skipped)),
+    };
+    let mut case = unfinished(&sample);
+    if let Some(found) = context.folder.read_case(&case.id).filter(|found| is_current(context, found, &case))
+    {
+        return Ok(Ok((found, true)));
+    }
+    let evaluated = catch_unwind(AssertUnwindSafe(|| evaluate(context, &sample)));
+    match evaluated {
+        Ok((levels, failures)) => (case.levels, case.failures) = (levels, failures),
+        Err(panic) => case.failures.push(format!("panicked: {}", panic_message(&*panic))),
+    }
+    context.folder.write_case(&case)?;
+    Ok(Ok((case, false)))
+}
+
+/// Whether a result found in the folder is whole and belongs to the same motion.
+fn is_current(context: &CaseContext<'_>, found: &CaseResult, case: &CaseResult) -> bool {
+    let recorded = found.levels.iter().filter_map(|level| level.recording.as_ref());
+    let same_input = CaseResult { levels: Vec::new(), failures: Vec::new(), ..found.clone() } == *case;
+    same_input
+        && !found.failed()
+        && recorded.into_iter().all(|path| context.folder.path().join(path).is_file())
+}
+
+/// The result of a case before any level has run.
+fn unfinished(sample: &Sample) -> CaseResult {
+    let motion = &sample.motion;
+    CaseResult {
+        id: sample.id.clone(),
+        source: sample.source.display().to_string(),
+        captions: sample.captions.clone(),
+        motion_sha256: motion_sha256(motion),
+        height_m: motion.body().height_m,
+        mass_kg: motion.body().mass_kg,
+        rate_hz: motion.rate_hz(),
+        num_frames: motion.num_frames(),
+        duration_secs: motion.duration_secs(),
+        warnings: sample.warnings.clone(),
+        levels: Vec::new(),
+        failures: Vec::new(),
+    }
+}
+
+fn evaluate(context: &CaseContext<'_>, sample: &Sample) -> (Vec<LevelResult>, Vec<String>) {
+    let mut failures = Vec::new();
+    let humanoid = match Humanoid::new(sample.motion.body()) {
+        Ok(humanoid) => humanoid,
+        Err(error) => return (Vec::new(), vec![format!("build the body: {error}")]),
+    };
+    let mut levels = Vec::new();
+    for &level in &context.settings.levels {
+        let result = if level == Level::L0 {
+            let mut result = empty_level(level);
+            add_scores(&mut result, &kinematic_scores(&humanoid, &sample.motion), &mut failures);
+            result
+        } else {
+            simulated_level(context, sample, &humanoid, level, &mut failures)
+        };
+        levels.push(result);
+    }
+    (levels, failures)
+}
+
+fn empty_level(level: Level) -> LevelResult {
+    LevelResult { level, outcome: None, scores: BTreeMap::new(), events: Vec::new(), recording: None }
+}
+
+fn simulated_level(
+    context: &CaseContext<'_>,
+    sample: &Sample,
+    humanoid: &Humanoid,
+    level: Level,
+    failures: &mut Vec<String>,
+) -> LevelResult {
+    let mut result = empty_level(level);
+    let mut recording = Recording::start(context, sample, humanoid, level);
+    let settings = &context.settings.simulation;
+    let (motion, jumps) = filter_jumps(&sample.motion);
+    let rollout = simulate(humanoid, &motion, level, settings, &mut |now| recording.sample(now));
+    let rollout = match rollout {
+        Ok(mut rollout) => {
+            rollout.events.splice(0..0, jumps_event(&jumps, motion.rate_hz()));
+            rollout
+        }
+        Err(error) => {
+            failures.push(format!("{level}: {error}"));
+            return result;
+        }
+    };
+    let scores = rollout_scores(humanoid, &rollout);
+    add_scores(&mut result, &scores, failures);
+    result.events.clone_from(&rollout.events);
+    if let Outcome::Failed { time_secs, reason } = &rollout.outcome {
+        failures.push(format!("{level} at {time_secs:.3} s: {reason}"));
+    }
+    result.outcome = Some(rollout.outcome.clone());
+    match recording.finish(&rollout, &result, &scores) {
+        Ok(path) => result.recording = path,
+        Err(error) => failures.push(format!("{level}: {error}")),
+    }
+    result
+}
+
+/// Names the jumps that the simulated motion is without; nothing when there was none.
+fn jumps_event(jumps: &[Jump], rate_hz: f64) -> Option<Event> {
+    const MAX_NAMED: usize = 3;
+    let place = |jump: &Jump| format!("{} at {:.2} s", jump.joint_name(), jump.frame as f64 / rate_hz);
+    let named: Vec<String> = jumps.iter().take(MAX_NAMED).map(place).collect();
+    let more = if jumps.len() > MAX_NAMED { ", ..." } else { "" };
+    let message = format!(
+        "{} jumps faster than {JUMP_SPEED_RAD_S} rad/s were smoothed: {}{more}",
+        jumps.len(),
+        named.join(", ")
+    );
+    (!jumps.is_empty()).then_some(Event { time_secs: 0.0, kind: EventKind::Retarget, message })
+}
+
+/// Takes scores over; one that is not finite fails the case, since no file or mean may hold it.
+fn add_scores(result: &mut LevelResult, scores: &[Score], failures: &mut Vec<String>) {
+    for score in scores {
+        if score.value.is_finite() {
+            result.scores.insert(score.metric.key.to_owned(), score.value);
+        } else {
+            failures.push(format!("{}: {} is {}", result.level, score.metric.key, score.value));
+        }
+    }
+}
+
+/// A recording that may be switched off or have failed; the first error is kept until the end of the rollout.
+struct Recording {
+    /// Path inside the run folder.
+    path: String,
+    recorder: Option<Recorder>,
+    error: Option<RecordingError>,
+}
+
+impl Recording {
+    fn start(context: &CaseContext<'_>, sample: &Sample, humanoid: &Humanoid, level: Level) -> Self {
+        let path = RunFolder::recording(&sample.id, level);
+        if !context.settings.recordings {
+            return Self { path, recorder: None, error: None };
+        }
+        let simulation = &context.settings.simulation;
+        let header = RecordingHeader {
+            humanoid,
+            id: &sample.id,
+            captions: &sample.captions,
+            level,
+            settings: &context.settings_text,
+            metadata: &context.metadata,
+            sample_interval_secs: simulation.steps_per_sample() as f64 * simulation.dt_secs,
+        };
+        match Recorder::replace(&context.folder.path().join(&path), &header) {
+            Ok(recorder) => Self { path, recorder: Some(recorder), error: None },
+            Err(error) => Self { path, recorder: None, error: Some(error) },
+        }
+    }
+
+    fn sample(&mut self, sample: &RolloutSample) {
+        if let Some(recorder) = &mut self.recorder
+            && let Err(error) = recorder.sample(sample)
+        {
+            self.recorder = None;
+            self.error = Some(error);
+        }
+    }
+
+    /// Closes the recording; its path, or nothing when there was to be none.
+    fn finish(
+        self,
+        rollout: &Rollout,
+        result: &LevelResult,
+        scores: &[Score],
+    ) -> Result<Option<String>, RecordingError> {
+        if let Some(error) = self.error {
+            return Err(error);
+        }
+        let Some(recorder) = self.recorder else { return Ok(None) };
+        // Finite numbers and strings always have a JSON form.
+        let result_json = serde_json::to_string_pretty(result).unwrap_or_default();
+        recorder.finish(rollout, &RecordingSummary { result_json: &result_json, scores })?;
+        Ok(Some(self.path))
+    }
+}
+
+fn panic_message(panic: &(dyn std::any::Any + Send)) -> String {
+    panic
+        .downcast_ref::<&str>()
+        .map(|message| (*message).to_owned())
+        .or_else(|| panic.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "no message".to_owned())
+}

@@ -1,0 +1,267 @@
+//! Runs a suite: every motion through every level, each finished case safe on disk at once.
+//!
+//! In: a [`Source`] of motions, [`RunSettings`], a [`RunFolder`].
+//! Out: a [`Run`], its files in the folder, and [`Progress`] while it lasts.
+//! A motion that cannot be read is skipped, a case that fails or panics is a failed case; the run goes on after both.
+//! The files are the same bytes for any number of threads; what took how long is in `timings.json` alone.
+
+mod case;
+mod fingerprint;
+mod folder;
+mod publish;
+mod settings;
+mod source;
+
+pub use fingerprint::motion_sha256;
+pub use folder::{FolderError, RunFolder};
+pub use publish::publish;
+pub use settings::{RunSettings, SettingsProblem, TableSettings};
+pub use source::Source;
+
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::manifest::{
+    Manifest, RunKey, SkippedInput, UsedInput, VERSION, platform, processor, program_sha256,
+};
+use crate::plausibility::METRICS;
+use crate::report::{CaseResult, MetricRecord, Results};
+use crate::simulation::ENGINE_VERSION;
+use case::{CaseContext, finish_case};
+
+/// Something that happened during a run, for a progress display.
+#[derive(Debug, Clone, Copy)]
+pub enum Progress<'a> {
+    /// The run starts with this many motions.
+    Started {
+        /// Number of motions.
+        num_cases: usize,
+    },
+    /// A case is done and on disk.
+    Finished {
+        /// Its result.
+        case: &'a CaseResult,
+        /// Whether it was found finished in the folder.
+        resumed: bool,
+        /// Wall time it took here.
+        secs: f64,
+    },
+    /// A motion could not be read.
+    Skipped {
+        /// Which, and why.
+        input: &'a SkippedInput,
+    },
+}
+
+/// Wall time of one case.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CaseTiming {
+    /// Id of the case.
+    pub id: String,
+    /// Wall time from reading the motion to the finished file, seconds.
+    pub secs: f64,
+    /// Whether the case was found finished, so that the time says nothing about work.
+    pub resumed: bool,
+}
+
+/// What took how long; the only result that differs between equal runs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Timings {
+    /// Number of worker threads.
+    pub threads: usize,
+    /// Wall time of the whole run, seconds.
+    pub total_secs: f64,
+    /// Duration of the motions that were worked on, seconds.
+    pub motion_secs: f64,
+    /// Cases by id.
+    pub cases: Vec<CaseTiming>,
+}
+
+/// A finished run.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// All results.
+    pub results: Results,
+    /// What made them.
+    pub manifest: Manifest,
+    /// What took how long.
+    pub timings: Timings,
+}
+
+impl Run {
+    /// Number of cases that were found finished in the folder.
+    #[must_use]
+    pub fn num_resumed(&self) -> usize {
+        self.timings.cases.iter().filter(|timing| timing.resumed).count()
+    }
+}
+
+/// Why a run ended early. Finished cases stay in the folder.
+#[derive(Debug, thiserror::Error)]
+pub enum HarnessError {
+    /// The settings name motions that do not exist.
+    #[error("select motions: {} not in the dataset: {}", if .ids.len() == 1 { "one id is" } else { "some ids are" }, .ids.join(", "))]
+    UnknownIds {
+        /// Ids that do not exist.
+        ids: Vec<String>,
+    },
+    /// There is nothing to run.
+    #[error("run the suite: {dataset} holds no motion")]
+    NoMotions {
+        /// Where the motions should have come from.
+        dataset: String,
+    },
+    /// The worker threads could not be started.
+    #[error("start {threads} worker threads: {reason}")]
+    Threads {
+        /// Number of threads asked for.
+        threads: usize,
+        /// What the system says.
+        reason: String,
+    },
+    /// A result could not be written.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+/// What makes the numbers of runs with these settings comparable.
+#[must_use]
+pub fn run_key(settings: &RunSettings) -> RunKey {
+    RunKey {
+        rprae: VERSION.to_owned(),
+        engine: format!("rapier {ENGINE_VERSION}"),
+        device: "cpu".to_owned(),
+        signature: settings.signature(),
+    }
+}
+
+/// The manifest of a run that has not used any input yet.
+#[must_use]
+pub fn initial_manifest(settings: &RunSettings, dataset: &str) -> Manifest {
+    Manifest {
+        key: run_key(settings),
+        program_sha256: program_sha256(),
+        platform: platform(),
+        processor: processor(),
+        dataset: dataset.to_owned(),
+        inputs: Vec::new(),
+        skipped: Vec::new(),
+    }
+}
+
+/// Runs the selected motions of `source` on `threads` workers and writes each finished case into `folder`.
+///
+/// Cases that the folder already holds for the same motion are not run again, unless they failed.
+/// `observe` is called from the worker threads.
+///
+/// # Errors
+/// [`HarnessError`] before any work for a bad selection, later only when a result cannot be written.
+pub fn run(
+    source: &dyn Source,
+    settings: &RunSettings,
+    folder: &RunFolder,
+    threads: usize,
+    observe: &(dyn Fn(Progress<'_>) + Sync),
+) -> Result<Run, HarnessError> {
+    let started = Instant::now();
+    let (selected, mut skipped) = select(source, settings)?;
+    let manifest = initial_manifest(settings, &source.name());
+    let context = CaseContext::new(settings, &manifest.key, folder);
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .build()
+        .map_err(|error| HarnessError::Threads { threads, reason: error.to_string() })?;
+
+    observe(Progress::Started { num_cases: selected.len() });
+    for input in &skipped {
+        observe(Progress::Skipped { input });
+    }
+    let finished: Vec<Result<(CaseResult, CaseTiming), SkippedInput>> = pool.install(|| {
+        selected
+            .par_iter()
+            .with_max_len(1)
+            .map(|&index| -> std::io::Result<_> {
+                let started = Instant::now();
+                Ok(match finish_case(&context, source, index)? {
+                    Ok((case, resumed)) => {
+                        let secs = started.elapsed().as_secs_f64();
+                        observe(Progress::Finished { case: &case, resumed, secs });
+                        let timing = CaseTiming { id: case.id.clone(), secs, resumed };
+                        Ok((case, timing))
+                    }
+                    Err(input) => {
+                        observe(Progress::Skipped { input: &input });
+                        Err(input)
+                    }
+                })
+            })
+            .collect::<std::io::Result<_>>()
+    })?;
+
+    let mut cases = Vec::new();
+    let mut case_timings = Vec::new();
+    for outcome in finished {
+        match outcome {
+            Ok((case, timing)) => {
+                cases.push(case);
+                case_timings.push(timing);
+            }
+            Err(input) => skipped.push(input),
+        }
+    }
+    let motion_secs = cases
+        .iter()
+        .zip(&case_timings)
+        .filter(|(_, timing)| !timing.resumed)
+        .map(|(case, _)| case.duration_secs)
+        .sum();
+    let metrics = METRICS
+        .iter()
+        .filter(|metric| settings.levels.contains(&metric.level))
+        .map(|metric| MetricRecord::from(*metric))
+        .collect();
+    let results = Results::new(manifest.key.clone(), source.name(), metrics, cases, skipped, settings.seed);
+    let inputs = results.cases.iter().map(|case| UsedInput {
+        id: case.id.clone(),
+        source: case.source.clone(),
+        motion_sha256: case.motion_sha256.clone(),
+    });
+    let manifest = Manifest { inputs: inputs.collect(), skipped: results.skipped.clone(), ..manifest };
+    let timings = Timings {
+        threads: pool.current_num_threads(),
+        total_secs: started.elapsed().as_secs_f64(),
+        motion_secs,
+        cases: case_timings,
+    };
+    Ok(Run { results, manifest, timings })
+}
+
+/// Indices of the motions to run, and inputs that were refused when the source was listed.
+fn select(
+    source: &dyn Source,
+    settings: &RunSettings,
+) -> Result<(Vec<usize>, Vec<SkippedInput>), HarnessError> {
+    let ids = source.ids();
+    let wanted = |id: &str| settings.ids.is_empty() || settings.ids.iter().any(|wanted| wanted == id);
+    let skipped: Vec<SkippedInput> = source.skipped().into_iter().filter(|input| wanted(&input.id)).collect();
+    let unknown: Vec<String> = settings
+        .ids
+        .iter()
+        .filter(|id| !ids.contains(id) && !skipped.iter().any(|input| input.id == **id))
+        .cloned()
+        .collect();
+    if !unknown.is_empty() {
+        return Err(HarnessError::UnknownIds { ids: unknown });
+    }
+    let limit = settings.limit.unwrap_or(usize::MAX);
+    let selected: Vec<usize> = (0..ids.len()).filter(|&index| wanted(&ids[index])).take(limit).collect();
+    if selected.is_empty() && skipped.is_empty() {
+        return Err(HarnessError::NoMotions { dataset: source.name() });
+    }
+    Ok((selected, skipped))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,267 @@
+//! Everything that decides the results of a run.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::motion::bounds;
+use crate::simulation::{JointForm, Level, SettingsError, SimulationSettings};
+
+/// How to read plain number tables, which say nothing about themselves.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TableSettings {
+    /// Frames per second of number tables.
+    pub rate_hz: Option<f64>,
+    /// Body height for number tables, metres.
+    pub height_m: Option<f64>,
+}
+
+/// Everything that decides the results of a run, and nothing else.
+///
+/// `settings.toml` in a run folder is this; handing it back with `--config` repeats the run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RunSettings {
+    /// File, folder or zip to read motions from, relative to the working directory; the bundled suite when absent.
+    pub motions: Option<PathBuf>,
+    /// Run only these motions; all when empty.
+    pub ids: Vec<String>,
+    /// Run at most this many motions, the first by id.
+    pub limit: Option<usize>,
+    /// Levels to run, in order.
+    pub levels: Vec<Level>,
+    /// Whether every rollout is recorded.
+    pub recordings: bool,
+    /// Seed of the bootstrap intervals; nothing else in a run is random. At most 2^63 - 1, since TOML has no larger number.
+    pub seed: u64,
+    /// Body mass for all motions, kilograms; when absent, what the file says or 22.5 kg/m^2 for its height.
+    pub mass_kg: Option<f64>,
+    /// How to read plain number tables.
+    pub table: TableSettings,
+    /// Settings of every rollout.
+    pub simulation: SimulationSettings,
+}
+
+impl Default for RunSettings {
+    fn default() -> Self {
+        Self {
+            motions: None,
+            ids: Vec::new(),
+            limit: None,
+            levels: vec![Level::L0, Level::L2, Level::L3],
+            recordings: true,
+            seed: 0,
+            mass_kg: None,
+            table: TableSettings::default(),
+            simulation: SimulationSettings::default(),
+        }
+    }
+}
+
+/// Why settings cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum SettingsProblem {
+    /// The file cannot be read.
+    #[error("read the settings {path}: {error}")]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        error: std::io::Error,
+    },
+    /// The file is not settings.
+    #[error("read the settings {path}: {error}")]
+    Toml {
+        /// The file.
+        path: PathBuf,
+        /// Place and reason.
+        error: Box<toml::de::Error>,
+    },
+    /// A setting of the simulation is outside its range.
+    #[error(transparent)]
+    Simulation(#[from] SettingsError),
+    /// Another setting is outside its range.
+    #[error("setting {name} is {found}, expected {expected}")]
+    Value {
+        /// Name of the setting.
+        name: &'static str,
+        /// Value found.
+        found: String,
+        /// What is accepted.
+        expected: &'static str,
+    },
+}
+
+impl RunSettings {
+    /// Reads settings; what the file leaves out keeps its default, what it adds is refused.
+    ///
+    /// # Errors
+    /// [`SettingsProblem`] names the file, the place and the reason.
+    pub fn read(path: &Path) -> Result<Self, SettingsProblem> {
+        let text = std::fs::read_to_string(path)
+            .map_err(|error| SettingsProblem::Io { path: path.to_owned(), error })?;
+        toml::from_str(&text)
+            .map_err(|error| SettingsProblem::Toml { path: path.to_owned(), error: Box::new(error) })
+    }
+
+    /// The settings as TOML.
+    ///
+    /// # Errors
+    /// [`SettingsProblem::Value`] when a value has no TOML form, such as a path that is not text.
+    pub fn to_toml(&self) -> Result<String, SettingsProblem> {
+        toml::to_string_pretty(self).map_err(|error| SettingsProblem::Value {
+            name: "(settings)",
+            found: error.to_string(),
+            expected: "values that TOML can hold",
+        })
+    }
+
+    /// Checks every setting, and sorts the levels and drops repeated ones.
+    ///
+    /// # Errors
+    /// [`SettingsProblem`] names the first setting outside its range.
+    pub fn check(&mut self) -> Result<(), SettingsProblem> {
+        self.levels.sort_unstable();
+        self.levels.dedup();
+        let outside = |name, found: String, expected| SettingsProblem::Value { name, found, expected };
+        if self.levels.is_empty() {
+            return Err(outside("levels", "empty".to_owned(), "some of L0, L2, L3"));
+        }
+        if self.levels.contains(&Level::L1) {
+            return Err(outside("levels", "L1".to_owned(), "some of L0, L2, L3 (there is no L1 yet)"));
+        }
+        if self.limit == Some(0) {
+            return Err(outside("limit", "0".to_owned(), "at least 1"));
+        }
+        if self.seed > i64::MAX as u64 {
+            return Err(outside("seed", self.seed.to_string(), "at most 9223372036854775807"));
+        }
+        if let Some(rate_hz) = self.table.rate_hz.filter(|rate| !bounds::RATE_HZ.contains(rate)) {
+            return Err(outside("table.rate_hz", rate_hz.to_string(), "0.1 to 10000 Hz"));
+        }
+        if let Some(height_m) = self.table.height_m.filter(|height| !bounds::HEIGHT_M.contains(height)) {
+            return Err(outside("table.height_m", height_m.to_string(), "0.3 to 3 m"));
+        }
+        if let Some(mass_kg) = self.mass_kg.filter(|mass| !bounds::MASS_KG.contains(mass)) {
+            return Err(outside("mass_kg", mass_kg.to_string(), "1 to 500 kg"));
+        }
+        Ok(self.simulation.check()?)
+    }
+
+    /// Every setting that changes a number of a case, as `name:value` pairs joined by `|`.
+    #[must_use]
+    pub fn signature(&self) -> String {
+        // Taken apart field by field, so that a new setting cannot be forgotten here.
+        let SimulationSettings {
+            dt_secs,
+            pgs_iterations,
+            joint_form,
+            assist_limit,
+            assist_arm_m,
+            friction,
+            record_rate_hz,
+            feed_forward,
+            swing_lift,
+            sole_levelling,
+            ground_correction_limit_m,
+        } = &self.simulation;
+        let joints = match joint_form {
+            JointForm::Balls => "balls",
+            JointForm::Multibody => "multibody",
+        };
+        let switch = |on: bool| if on { "on" } else { "off" };
+        format!(
+            "dt:{}s|pgs:{pgs_iterations}|joints:{joints}|assist:{assist_limit}bw,{assist_arm_m}m|\
+             friction:{friction}|record:{record_rate_hz}hz|feed-forward:{}|swing-lift:{}|level-soles:{}|ground:{ground_correction_limit_m}m",
+            step(*dt_secs),
+            switch(*feed_forward),
+            switch(*swing_lift),
+            switch(*sole_levelling)
+        )
+    }
+}
+
+/// A step as a fraction where it is exactly one, such as `1/480`.
+fn step(dt_secs: f64) -> String {
+    let rate = (1.0 / dt_secs).round();
+    if 1.0 / rate == dt_secs { format!("1/{rate}") } else { dt_secs.to_string() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn toml_returns_the_same_settings() {
+        let settings = RunSettings {
+            motions: Some(PathBuf::from("some/folder")),
+            limit: Some(3),
+            ids: vec!["00001".to_owned()],
+            table: TableSettings { rate_hz: Some(12.5), height_m: None },
+            ..RunSettings::default()
+        };
+        let text = settings.to_toml().unwrap();
+        assert_eq!(toml::from_str::<RunSettings>(&text).unwrap(), settings);
+        let default = RunSettings::default();
+        assert_eq!(toml::from_str::<RunSettings>(&default.to_toml().unwrap()).unwrap(), default);
+    }
+
+    #[test]
+    fn files_override_defaults_and_unknown_keys_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("settings.toml");
+        std::fs::write(&path, "levels = [\"L0\"]\n[simulation]\nfriction = 0.5\n").unwrap();
+        let settings = RunSettings::read(&path).unwrap();
+        assert_eq!((settings.levels, settings.simulation.friction), (vec![Level::L0], 0.5));
+        assert_eq!(settings.simulation.pgs_iterations, 8);
+        for text in ["frictoin = 0.5", "[simulation]\nfrictoin = 0.5", "levels = [\"L9\"]", "levels = "] {
+            std::fs::write(&path, text).unwrap();
+            let error = RunSettings::read(&path).unwrap_err().to_string();
+            assert!(error.contains("settings.toml"), "{error}");
+        }
+    }
+
+    type Change = fn(&mut RunSettings);
+
+    #[test]
+    fn bad_values_are_named() {
+        let checked = |change: fn(&mut RunSettings)| {
+            let mut settings = RunSettings::default();
+            change(&mut settings);
+            settings.check().map_err(|problem| problem.to_string())
+        };
+        assert_eq!(checked(|_| ()), Ok(()));
+        let bad: [(&str, Change); 7] = [
+            ("levels", |settings| settings.levels.clear()),
+            ("L1", |settings| settings.levels.push(Level::L1)),
+            ("limit", |settings| settings.limit = Some(0)),
+            ("dt_secs", |settings| settings.simulation.dt_secs = f64::NAN),
+            ("table.rate_hz", |settings| settings.table.rate_hz = Some(-1.0)),
+            ("table.height_m", |settings| settings.table.height_m = Some(1750.0)),
+            ("mass_kg", |settings| settings.mass_kg = Some(0.0)),
+        ];
+        for (name, change) in bad {
+            let message = checked(change).unwrap_err();
+            assert!(message.contains(name), "{message}");
+        }
+    }
+
+    #[test]
+    fn levels_are_sorted_once() {
+        let mut settings =
+            RunSettings { levels: vec![Level::L3, Level::L0, Level::L3], ..RunSettings::default() };
+        settings.check().unwrap();
+        assert_eq!(settings.levels, [Level::L0, Level::L3]);
+    }
+
+    #[test]
+    fn the_signature_shows_every_number() {
+        assert_eq!(
+            RunSettings::default().signature(),
+            "dt:1/480s|pgs:8|joints:balls|assist:0.2bw,0.5m|friction:0.8|record:120hz|feed-forward:on|\
+             swing-lift:on|level-soles:on|ground:0.03m"
+        );
+        assert_eq!(step(0.003), "0.003");
+    }
+}

@@ -1,0 +1,53 @@
+//! Case results as files and tables for people, and comparison with a baseline.
+//!
+//! In: [`CaseResult`]s, made by [`crate::harness`](../harness/index.html) or read from a run folder.
+//! Out: text. Every function here returns a string; the callers decide where it goes.
+//! Nothing here computes a score: removing this module changes no number.
+
+/// Metrics shown per case in tables for people, the most telling ones of each level; files hold all of them.
+pub const KEY_METRICS: &[&str] = &[
+    "l0/skate",
+    "l0/float",
+    "l0/penetration",
+    "l0/root_speed_peak",
+    "l2/mpjpe_root",
+    "l2/assist_mean",
+    "l2/torque_limit_share",
+    "l3/time_to_fall",
+    "l3/mpjpe_before_fall",
+];
+
+mod aggregate;
+mod case;
+mod csv;
+mod html;
+mod markdown;
+mod notes;
+mod number;
+mod ranking;
+pub mod regression;
+mod results;
+mod table;
+
+pub use aggregate::{Aggregate, Interval, aggregate};
+pub use case::{CaseResult, LevelResult, MetricRecord};
+pub use csv::scores_csv;
+pub use html::results_html;
+pub use markdown::results_markdown;
+pub use notes::{Note, NoteKind, notes};
+pub use number::{compact, shorten};
+pub use ranking::worst_first;
+pub use results::{RESULTS_FORMAT, ReadError, Results};
+pub use table::{Align, Column, Table, results_table};
+
+#[cfg(test)]
+mod tests {
+    use super::KEY_METRICS;
+
+    #[test]
+    fn tables_show_metrics_that_exist() {
+        for key in KEY_METRICS {
+            assert!(crate::plausibility::find_metric(key).is_some(), "{key}");
+        }
+    }
+}

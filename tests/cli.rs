@@ -1,0 +1,225 @@
+//! The programs as their users meet them: arguments in, exit code, tables and files out.
+
+#![expect(clippy::unwrap_used, reason = "a test that is surprised should stop at once")]
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+fn call(program: &str, args: &[&str], folder: &Path) -> Output {
+    Command::new(program).args(args).current_dir(folder).env_remove("CARGO").output().unwrap()
+}
+
+fn eval_sim(args: &[&str], folder: &Path) -> Output {
+    call(env!("CARGO_BIN_EXE_eval-sim"), args, folder)
+}
+
+fn rprae(args: &[&str], folder: &Path) -> Output {
+    call(env!("CARGO_BIN_EXE_rprae"), args, folder)
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().unwrap()
+}
+
+fn stdout(output: &Output) -> String {
+    String::from_utf8(output.stdout.clone()).unwrap()
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+/// A body that stands still, `lift_m` above the floor, as a table of 30 frames.
+fn standing(lift_m: f64) -> String {
+    let mut text = String::new();
+    for _ in 0..30 {
+        let mut row = vec!["0".to_owned(); 50];
+        // The root stands at this height on flat soles for the default height of 1.75 m.
+        row[46] = (rprae::humanoid::ROOT_HEIGHT_FRACTION * 1.75 + lift_m).to_string();
+        let _ = writeln!(text, "{}", row.join(","));
+    }
+    text
+}
+
+/// A folder with one table that can be read.
+fn workplace() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("motions")).unwrap();
+    fs::write(folder.path().join("motions/stand.csv"), standing(0.0)).unwrap();
+    folder
+}
+
+const KINEMATIC: [&str; 6] = ["--motions", "motions", "--levels", "L0", "--rate", "100"];
+
+fn kinematic_run(folder: &Path, out: &str) -> Output {
+    eval_sim(&[&KINEMATIC[..], &["--out", out]].concat(), folder)
+}
+
+#[test]
+fn wrong_usage_ends_with_two_and_says_why() {
+    let folder = workplace();
+    fs::write(folder.path().join("bad.toml"), "frictoin = 1.0\n").unwrap();
+    let cases: [(&[&str], &str); 8] = [
+        (&["--frobnicate"], "--frobnicate"),
+        (&["--levels", "L1"], "no L1 yet"),
+        (&["--dt", "1"], "dt_secs"),
+        (&["--overwrite"], "--out"),
+        (&["--config", "bad.toml"], "frictoin"),
+        (&["--config", "missing.toml"], "missing.toml"),
+        (&["--motions", "nowhere"], "nowhere"),
+        (&["--motions", "motions", "--levels", "L0", "--ids", "stand,walk"], "walk"),
+    ];
+    for (args, part) in cases {
+        let output = eval_sim(args, folder.path());
+        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains(part), "{args:?}: {}", stderr(&output));
+        assert!(stdout(&output).is_empty());
+    }
+}
+
+#[test]
+fn a_run_leaves_all_its_files_and_says_where() {
+    let folder = workplace();
+    let output = kinematic_run(folder.path(), "run");
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let text = stdout(&output);
+    assert!(text.contains("stand") && text.contains("rprae regress --baseline baseline.json run"), "{text}");
+    for file in [
+        "settings.toml",
+        "manifest.json",
+        "results.json",
+        "samples.jsonl",
+        "scores.csv",
+        "report.md",
+        "report.html",
+        "timings.json",
+        "cases/stand.json",
+    ] {
+        assert!(folder.path().join("run").join(file).is_file(), "{file}");
+    }
+    let second = eval_sim(&[&KINEMATIC[..], &["--quiet"]].concat(), folder.path());
+    assert_eq!((code(&second), second.stdout.len(), second.stderr.len()), (0, 0, 0));
+    assert!(folder.path().join("results/motions-001/results.json").is_file());
+}
+
+#[test]
+fn saved_settings_repeat_the_run_bit_for_bit() {
+    let folder = workplace();
+    assert_eq!(code(&kinematic_run(folder.path(), "first")), 0);
+    let output = eval_sim(&["--config", "first/settings.toml", "--out", "second"], folder.path());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    for file in ["results.json", "manifest.json", "scores.csv", "report.html", "cases/stand.json"] {
+        let read = |run: &str| fs::read(folder.path().join(run).join(file)).unwrap();
+        assert!(read("first") == read("second"), "{file} differs");
+    }
+}
+
+#[test]
+fn a_folder_is_continued_or_replaced_only_on_purpose() {
+    let folder = workplace();
+    assert_eq!(code(&kinematic_run(folder.path(), "run")), 0);
+    let again = kinematic_run(folder.path(), "run");
+    assert!(stderr(&again).contains("already finished"), "{}", stderr(&again));
+    let other: &[&str] = &["--seed", "5", "--out", "run"];
+    let refused = eval_sim(&[&KINEMATIC[..], other].concat(), folder.path());
+    assert_eq!(code(&refused), 2);
+    assert!(stderr(&refused).contains("--overwrite"), "{}", stderr(&refused));
+    let replaced = eval_sim(&[&KINEMATIC[..], other, &["--overwrite"]].concat(), folder.path());
+    assert_eq!(code(&replaced), 0, "{}", stderr(&replaced));
+}
+
+#[test]
+fn a_bad_input_is_skipped_by_name_and_ends_with_three() {
+    let folder = workplace();
+    fs::write(folder.path().join("motions/torn.csv"), "1,2,3\n").unwrap();
+    let output = kinematic_run(folder.path(), "run");
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
+    assert!(stdout(&output).contains("Skipped inputs (1):\n  torn: "), "{}", stdout(&output));
+    assert!(fs::read_to_string(folder.path().join("run/report.md")).unwrap().contains("torn"));
+}
+
+#[test]
+fn a_regression_ends_with_four() {
+    let folder = workplace();
+    let path = folder.path();
+    assert_eq!(code(&kinematic_run(path, "good")), 0);
+    let gate = |run: &str, more: &[&str]| {
+        rprae(&[&["regress", "--baseline", "base.json", run], more].concat(), path)
+    };
+    assert_eq!(code(&gate("good", &[])), 2, "there is no baseline yet");
+    assert_eq!(code(&gate("good", &["--update"])), 0);
+    assert_eq!(code(&gate("good", &[])), 0);
+
+    fs::write(path.join("motions/stand.csv"), standing(0.1)).unwrap();
+    assert_eq!(code(&kinematic_run(path, "floating")), 0, "a bad score is a result");
+    let failed = gate("floating", &["--junit", "out/junit.xml", "--markdown", "out/report.md"]);
+    assert_eq!(code(&failed), 4);
+    assert!(stdout(&failed).contains("| stand | l0/float | worse |"), "{}", stdout(&failed));
+    assert_eq!(fs::read_to_string(path.join("out/report.md")).unwrap(), stdout(&failed));
+    let junit = fs::read_to_string(path.join("out/junit.xml")).unwrap();
+    assert!(junit.contains("failures=\"1\"") && junit.contains("l0/float: worse"), "{junit}");
+
+    // Another key, such as another step, is refused rather than compared.
+    let other = eval_sim(&[&KINEMATIC[..], &["--dt", "1/240", "--out", "other"]].concat(), path);
+    assert_eq!(code(&other), 0, "{}", stderr(&other));
+    let refused = gate("other", &[]);
+    assert_eq!(code(&refused), 2);
+    assert!(stderr(&refused).contains("--update"), "{}", stderr(&refused));
+
+    // A file that is not there is no reason to compare with nothing.
+    assert_eq!(code(&gate("nowhere", &[])), 2);
+}
+
+#[test]
+fn a_failed_case_ends_with_one_and_is_no_baseline() {
+    let folder = workplace();
+    let path = folder.path();
+    assert_eq!(code(&kinematic_run(path, "run")), 0);
+    let file = path.join("run/results.json");
+    let mut results: Value = serde_json::from_slice(&fs::read(&file).unwrap()).unwrap();
+    results["cases"][0]["failures"] = serde_json::json!(["L2 at 0.5 s: not a number"]);
+    fs::write(&file, results.to_string()).unwrap();
+    let refused = rprae(&["regress", "--baseline", "base.json", "--update", "run"], path);
+    assert_eq!(code(&refused), 1);
+    assert!(stderr(&refused).contains("stand") && !path.join("base.json").exists());
+}
+
+#[test]
+fn a_short_motion_is_simulated_recorded_and_can_be_watched() {
+    let folder = workplace();
+    let args = ["--motions", "motions", "--rate", "100", "--levels", "L0,L2", "--out", "run"];
+    let output = eval_sim(&args, folder.path());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let watched = rprae(&["view", "run"], folder.path());
+    assert_eq!(code(&watched), 0);
+    assert!(stdout(&watched).contains("rerun run/recordings/stand.L2.mcap"), "{}", stdout(&watched));
+    assert_eq!(code(&rprae(&["view", "motions"], folder.path())), 2);
+}
+
+#[test]
+fn metrics_explain_themselves() {
+    let folder = tempfile::tempdir().unwrap();
+    let listed = stdout(&rprae(&["metrics"], folder.path()));
+    assert!(listed.lines().count() > 10 && listed.contains("l0/skate"));
+    let explained = stdout(&rprae(&["metrics", "l0/skate"], folder.path()));
+    assert!(explained.contains("formula") && explained.contains("signature"));
+    let unknown = rprae(&["metrics", "l9/skate"], folder.path());
+    assert_eq!(code(&unknown), 2);
+    assert!(stderr(&unknown).contains("l0/skate"), "{}", stderr(&unknown));
+}
+
+#[test]
+fn the_urdf_is_the_body_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = rprae(&["urdf", "--height", "1.6", "--mass", "50", "--out", "body.urdf"], folder.path());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let urdf = fs::read_to_string(folder.path().join("body.urdf")).unwrap();
+    let robot = rprae::robot::parse_urdf(&urdf).unwrap();
+    assert!((robot.tree.total_mass_kg() - 50.0).abs() < 1e-3);
+    assert_eq!(code(&rprae(&["urdf", "--height", "1750"], folder.path())), 2);
+}
