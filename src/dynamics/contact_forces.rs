@@ -72,15 +72,11 @@ impl ContactSolver {
         let force = wanted_force_n / self.weight_n;
         let moment = wanted_moment_nm / moment_scale;
         let wanted = DVector::from_iterator(6, force.iter().chain(moment.iter()).copied());
-        let mut quadratic = wrench.transpose() * &wrench * 2.0;
-        for (index, (_, height_m)) in points.iter().enumerate() {
-            let cost = REGULARISATION * (1.0 + (height_m.max(0.0) / SOFT_HEIGHT_M).powi(2));
-            for axis in 0..3 {
-                quadratic[(3 * index + axis, 3 * index + axis)] += 2.0 * cost;
-            }
-        }
-        let linear: Vec<f64> = (wrench.transpose() * &wanted * -2.0).iter().copied().collect();
-        let Some(solution) = self.minimise(&quadratic, &linear, points.len()) else { return unexplained };
+        let costs: Vec<f64> = points
+            .iter()
+            .map(|(_, height_m)| REGULARISATION * (1.0 + (height_m.max(0.0) / SOFT_HEIGHT_M).powi(2)))
+            .collect();
+        let Some(solution) = self.minimise(&wrench, &wanted, &costs) else { return unexplained };
 
         let residual = wanted - wrench * &solution;
         let forces_n = (0..points.len())
@@ -96,47 +92,71 @@ impl ContactSolver {
         }
     }
 
-    /// Minimises `x'Qx/2 + c'x` with every triple of `x` in its friction cone.
-    fn minimise(&self, quadratic: &DMatrix<f64>, linear: &[f64], num_points: usize) -> Option<DVector<f64>> {
-        let upper = upper_triangle(quadratic);
-        // Cone of a point: (friction * z, x, y), written as s = b - A x with b = 0.
-        let mut cone = DMatrix::zeros(3 * num_points, 3 * num_points);
-        for point in 0..num_points {
-            cone[(3 * point, 3 * point + 2)] = -self.friction;
-            cone[(3 * point + 1, 3 * point)] = -1.0;
-            cone[(3 * point + 2, 3 * point + 1)] = -1.0;
-        }
-        let cones = vec![SupportedConeT::SecondOrderConeT(3); num_points];
+    /// Minimises `|r|^2 + sum of costs |f|^2` over forces `f` in their friction cones, with `r = wanted - wrench f`.
+    ///
+    /// The residual is kept as variables of its own: the quadratic form is then diagonal and the solver's matrix sparse.
+    fn minimise(&self, wrench: &DMatrix<f64>, wanted: &DVector<f64>, costs: &[f64]) -> Option<DVector<f64>> {
+        let (num_points, num_forces) = (costs.len(), 3 * costs.len());
+        let num_columns = num_forces + 6;
+        let quadratic = Columns::new(num_columns, |column, entries| {
+            entries.push((column, 2.0 * costs.get(column / 3).copied().unwrap_or(1.0)));
+        });
+        // Rows: wrench f + r = wanted, then a cone (friction * z, x, y) a point, as s = b - A x.
+        let constraints = Columns::new(num_columns, |column, entries| {
+            if column >= num_forces {
+                entries.push((column - num_forces, 1.0));
+                return;
+            }
+            entries.extend((0..6).map(|row| (row, wrench[(row, column)])).filter(|(_, value)| *value != 0.0));
+            let (point, axis) = (column / 3, column % 3);
+            let (row, value) = if axis == 2 { (0, -self.friction) } else { (axis + 1, -1.0) };
+            entries.push((6 + 3 * point + row, value));
+        });
+        let mut bounds = vec![0.0; 6 + num_forces];
+        bounds[..6].copy_from_slice(wanted.as_slice());
+        let mut cones = vec![SupportedConeT::ZeroConeT(6)];
+        cones.extend(vec![SupportedConeT::SecondOrderConeT(3); num_points]);
         let settings = DefaultSettings { verbose: false, ..DefaultSettings::default() };
-        let zeros = vec![0.0; 3 * num_points];
-        let mut solver = DefaultSolver::new(&upper, linear, &sparse(&cone), &zeros, &cones, settings).ok()?;
+        let mut solver = DefaultSolver::new(
+            &quadratic.matrix(num_columns),
+            &vec![0.0; num_columns],
+            &constraints.matrix(6 + num_forces),
+            &bounds,
+            &cones,
+            settings,
+        )
+        .ok()?;
         solver.solve();
         matches!(solver.solution.status, SolverStatus::Solved | SolverStatus::AlmostSolved)
-            .then(|| DVector::from_vec(solver.solution.x.clone()))
+            .then(|| DVector::from_column_slice(&solver.solution.x[..num_forces]))
     }
 }
 
-fn sparse(matrix: &DMatrix<f64>) -> CscMatrix<f64> {
-    compress(matrix, |_, _| true)
+/// A sparse matrix under construction, column by column.
+struct Columns {
+    starts: Vec<usize>,
+    rows: Vec<usize>,
+    values: Vec<f64>,
 }
 
-fn upper_triangle(matrix: &DMatrix<f64>) -> CscMatrix<f64> {
-    compress(matrix, |row, column| row <= column)
-}
-
-fn compress(matrix: &DMatrix<f64>, keep: impl Fn(usize, usize) -> bool) -> CscMatrix<f64> {
-    let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
-    for column in 0..matrix.ncols() {
-        for row in 0..matrix.nrows() {
-            let value = matrix[(row, column)];
-            if value != 0.0 && keep(row, column) {
-                rows.push(row);
-                values.push(value);
-            }
+impl Columns {
+    /// Asks `fill` for the entries (row, value) of each column, in order of rows.
+    fn new(num_columns: usize, mut fill: impl FnMut(usize, &mut Vec<(usize, f64)>)) -> Self {
+        let mut columns = Self { starts: vec![0], rows: Vec::new(), values: Vec::new() };
+        let mut entries = Vec::new();
+        for column in 0..num_columns {
+            entries.clear();
+            fill(column, &mut entries);
+            columns.rows.extend(entries.iter().map(|(row, _)| *row));
+            columns.values.extend(entries.iter().map(|(_, value)| *value));
+            columns.starts.push(columns.rows.len());
         }
-        starts.push(rows.len());
+        columns
     }
-    CscMatrix::new(matrix.nrows(), matrix.ncols(), starts, rows, values)
+
+    fn matrix(self, num_rows: usize) -> CscMatrix<f64> {
+        CscMatrix::new(num_rows, self.starts.len() - 1, self.starts, self.rows, self.values)
+    }
 }
 
 #[cfg(test)]
