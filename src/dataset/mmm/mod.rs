@@ -5,6 +5,7 @@
 //! Files are in millimetres; this module and its callers are the only places that know.
 
 mod clock;
+mod frame;
 mod joint_order;
 mod numbers;
 mod read;

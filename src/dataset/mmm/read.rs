@@ -3,7 +3,10 @@
 //! Legacy: `<Motion>` holds `<JointOrder>` and `<MotionFrames>`, one `<MotionFrame>` per instant.
 //! v2.0: `<Motion>` holds `<Sensors>`; the `ModelPose` sensor has the root, each `Kinematic` sensor its joints.
 
-use super::joint_order::{JointOrder, JointOrderError, MAX_JOINTS};
+use super::frame::{
+    FrameReader, KINEMATIC_MEASUREMENT, LEGACY_FRAME, POSE_MEASUREMENT, frame_place, read_numbers,
+};
+use super::joint_order::{JointOrder, JointOrderError};
 use super::xml::Cursor;
 use super::{MmmError, MmmFault, MmmMotion, PLACEHOLDER_MASS_KG, clock};
 use crate::motion::{Body, Frame, Motion, MotionError, bounds};
@@ -111,56 +114,6 @@ fn read_joints(
     Ok(())
 }
 
-/// Fills `values` from the numbers of the element just opened.
-fn read_numbers(
-    cursor: &mut Cursor<'_>,
-    element: &'static str,
-    place: impl Fn() -> String,
-    values: &mut [f64],
-) -> Result<(), MmmError> {
-    let mut found = 0;
-    cursor.numbers(
-        element,
-        |value| {
-            if let Some(slot) = values.get_mut(found) {
-                *slot = value;
-            }
-            found += 1;
-        },
-        |word| MmmFault::NotANumber { place: place(), element, found: word.found },
-    )?;
-    let expected = values.len();
-    if found == expected {
-        return Ok(());
-    }
-    Err(cursor.fault(MmmFault::NumberCount { place: place(), element, expected, found }))
-}
-
-/// Elements of one frame, each of which must stand exactly once.
-#[derive(Default)]
-struct Seen(Vec<&'static str>);
-
-impl Seen {
-    fn once(&mut self, cursor: &Cursor<'_>, element: &'static str, frame: usize) -> Result<(), MmmError> {
-        if self.0.contains(&element) {
-            return Err(cursor.fault(MmmFault::Repeated { place: frame_place(frame), element }));
-        }
-        self.0.push(element);
-        Ok(())
-    }
-
-    fn all(&self, cursor: &Cursor<'_>, elements: &[&'static str], frame: usize) -> Result<(), MmmError> {
-        match elements.iter().find(|element| !self.0.contains(element)) {
-            None => Ok(()),
-            Some(element) => Err(cursor.fault(MmmFault::Missing { place: frame_place(frame), element })),
-        }
-    }
-}
-
-fn frame_place(frame: usize) -> String {
-    format!("frame {frame}")
-}
-
 impl Content {
     fn read_body(&mut self, cursor: &mut Cursor<'_>) -> Result<(), MmmError> {
         const PLACE: &str = "ModelProcessorConfig";
@@ -174,7 +127,7 @@ impl Content {
                 }
             };
             let mut value = [0.0];
-            read_numbers(cursor, element, || PLACE.to_owned(), &mut value)?;
+            read_numbers(cursor, element, None, || PLACE.to_owned(), &mut value)?;
             if slot.replace(value[0]).is_some() {
                 return Err(cursor.fault(MmmFault::Repeated { place: PLACE.to_owned(), element }));
             }
@@ -184,45 +137,18 @@ impl Content {
 
     fn read_frames(&mut self, cursor: &mut Cursor<'_>) -> Result<(), MmmError> {
         self.order.check().map_err(|error| cursor.fault(error))?;
-        let mut columns = [0.0; MAX_JOINTS];
-        let columns = &mut columns[..self.order.num_columns()];
-        let mut seen = Seen::default();
+        let order = std::mem::take(&mut self.order);
+        let mut reader = FrameReader::new("MotionFrame", LEGACY_FRAME, &order);
         while let Some(start) = cursor.child_element("MotionFrames")? {
             if start.name().as_ref() != "MotionFrame" {
                 cursor.skip()?;
                 continue;
             }
             let index = self.frames.len();
-            let place = || frame_place(index);
-            let mut frame = Frame::ZERO;
-            let mut stamp = [0.0];
-            seen.0.clear();
-            while let Some(start) = cursor.child_element("MotionFrame")? {
-                match start.name().as_ref() {
-                    "Timestep" => {
-                        seen.once(cursor, "Timestep", index)?;
-                        read_numbers(cursor, "Timestep", place, &mut stamp)?;
-                    }
-                    "RootPosition" => {
-                        seen.once(cursor, "RootPosition", index)?;
-                        read_numbers(cursor, "RootPosition", place, &mut frame.root_position_m)?;
-                    }
-                    "RootRotation" => {
-                        seen.once(cursor, "RootRotation", index)?;
-                        read_numbers(cursor, "RootRotation", place, &mut frame.root_rotation_rad)?;
-                    }
-                    "JointPosition" => {
-                        seen.once(cursor, "JointPosition", index)?;
-                        read_numbers(cursor, "JointPosition", place, columns)?;
-                        self.order.scatter(columns, &mut frame.joint_angles_rad);
-                    }
-                    _ => cursor.skip()?,
-                }
-            }
-            seen.all(cursor, &["Timestep", "RootPosition", "RootRotation", "JointPosition"], index)?;
-            *self.frame_mut(cursor, index)? = frame;
-            self.stamps_secs.push(stamp[0]);
+            let stamp_secs = reader.read(cursor, index, self.frame_mut(cursor, index)?)?;
+            self.stamps_secs.push(stamp_secs);
         }
+        self.order = order;
         Ok(())
     }
 
@@ -239,10 +165,10 @@ impl Content {
                 }
                 "ModelPose" => {
                     self.has_pose = true;
-                    self.stamps_secs = self.read_sensor(cursor, None)?;
+                    self.stamps_secs = self.read_pose(cursor)?;
                 }
                 "Kinematic" => {
-                    let stamps = self.read_sensor(cursor, Some(JointOrder::default()))?;
+                    let stamps = self.read_kinematic(cursor)?;
                     self.kinematic_stamps_secs.push(stamps);
                 }
                 _ => cursor.skip()?,
@@ -251,72 +177,57 @@ impl Content {
         Ok(())
     }
 
-    /// Reads a sensor into the frames and returns its time stamps; kinematic sensors have a joint order of their own.
-    fn read_sensor(
-        &mut self,
-        cursor: &mut Cursor<'_>,
-        mut order: Option<JointOrder>,
-    ) -> Result<Vec<f64>, MmmError> {
+    /// Reads the pose sensor into the frames and returns its time stamps.
+    fn read_pose(&mut self, cursor: &mut Cursor<'_>) -> Result<Vec<f64>, MmmError> {
         let mut stamps_secs = Vec::new();
+        let order = JointOrder::default();
         while let Some(start) = cursor.child_element("Sensor")? {
-            match (start.name().as_ref(), &mut order) {
-                ("Configuration", Some(order)) => read_joints(cursor, "Configuration", order)?,
-                ("Data", Some(order)) if order.num_columns() == 0 => {
-                    return Err(cursor.fault(JointOrderError::None));
-                }
-                ("Data", order) => {
-                    while let Some(start) = cursor.child_element("Data")? {
-                        if start.name().as_ref() != "Measurement" {
-                            cursor.skip()?;
-                            continue;
-                        }
-                        let frame = stamps_secs.len();
-                        stamps_secs.push(read_stamp(cursor, &start, frame)?);
-                        self.read_measurement(cursor, frame, order.as_ref())?;
-                    }
+            match start.name().as_ref() {
+                "Data" => {
+                    let reader = FrameReader::new("Measurement", POSE_MEASUREMENT, &order);
+                    self.read_measurements(cursor, reader, &mut stamps_secs)?;
                 }
                 _ => cursor.skip()?,
             }
-        }
-        if let Some(order) = order {
-            self.order.merge(&order).map_err(|error| cursor.fault(error))?;
         }
         Ok(stamps_secs)
     }
 
-    fn read_measurement(
-        &mut self,
-        cursor: &mut Cursor<'_>,
-        index: usize,
-        order: Option<&JointOrder>,
-    ) -> Result<(), MmmError> {
-        let place = || frame_place(index);
-        let frame = self.frame_mut(cursor, index)?;
-        let mut seen = Seen::default();
-        while let Some(start) = cursor.child_element("Measurement")? {
-            match (start.name().as_ref(), order) {
-                ("RootPosition", None) => {
-                    seen.once(cursor, "RootPosition", index)?;
-                    read_numbers(cursor, "RootPosition", place, &mut frame.root_position_m)?;
-                }
-                ("RootRotation", None) => {
-                    seen.once(cursor, "RootRotation", index)?;
-                    read_numbers(cursor, "RootRotation", place, &mut frame.root_rotation_rad)?;
-                }
-                ("JointPosition", Some(order)) => {
-                    seen.once(cursor, "JointPosition", index)?;
-                    let mut columns = [0.0; MAX_JOINTS];
-                    let columns = &mut columns[..order.num_columns()];
-                    read_numbers(cursor, "JointPosition", place, columns)?;
-                    order.scatter(columns, &mut frame.joint_angles_rad);
+    /// Reads a kinematic sensor, which has a joint list of its own, into the frames and returns its time stamps.
+    fn read_kinematic(&mut self, cursor: &mut Cursor<'_>) -> Result<Vec<f64>, MmmError> {
+        let mut stamps_secs = Vec::new();
+        let mut order = JointOrder::default();
+        while let Some(start) = cursor.child_element("Sensor")? {
+            match start.name().as_ref() {
+                "Configuration" => read_joints(cursor, "Configuration", &mut order)?,
+                "Data" if order.num_columns() == 0 => return Err(cursor.fault(JointOrderError::None)),
+                "Data" => {
+                    let reader = FrameReader::new("Measurement", KINEMATIC_MEASUREMENT, &order);
+                    self.read_measurements(cursor, reader, &mut stamps_secs)?;
                 }
                 _ => cursor.skip()?,
             }
         }
-        match order {
-            None => seen.all(cursor, &["RootPosition", "RootRotation"], index),
-            Some(_) => seen.all(cursor, &["JointPosition"], index),
+        self.order.merge(&order).map_err(|error| cursor.fault(error))?;
+        Ok(stamps_secs)
+    }
+
+    fn read_measurements(
+        &mut self,
+        cursor: &mut Cursor<'_>,
+        mut reader: FrameReader<'_>,
+        stamps_secs: &mut Vec<f64>,
+    ) -> Result<(), MmmError> {
+        while let Some(start) = cursor.child_element("Data")? {
+            if start.name().as_ref() != "Measurement" {
+                cursor.skip()?;
+                continue;
+            }
+            let index = stamps_secs.len();
+            stamps_secs.push(read_stamp(cursor, &start, index)?);
+            reader.read(cursor, index, self.frame_mut(cursor, index)?)?;
         }
+        Ok(())
     }
 
     /// The frame at `index`, which is one of the frames there are or the next.

@@ -88,20 +88,66 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Reads the content of the element `inside` as numbers, to its end; returns how many there are.
+    /// The next child of `inside` that is one of `names`, by its index there, or `None` at the end of `inside`.
+    ///
+    /// Children with other names are skipped.
+    /// Where a child is as simple as `<Name>text</Name>`, it is passed as a whole and its content returned; otherwise it
+    /// is open.
+    pub(super) fn child_of(
+        &mut self,
+        inside: &'static str,
+        names: &[&str],
+    ) -> Result<Option<(usize, Option<&'a [u8]>)>, MmmError> {
+        loop {
+            let index_of = |found: &[u8]| names.iter().position(|name| name.as_bytes() == found);
+            if let Some((name, content)) = self.simple_child() {
+                if let Some(index) = index_of(name) {
+                    return Ok(Some((index, Some(content))));
+                }
+                continue;
+            }
+            let Some(start) = self.child_element(inside)? else { return Ok(None) };
+            match index_of(start.name().as_ref().as_bytes()) {
+                Some(index) => return Ok(Some((index, None))),
+                None => self.skip()?,
+            }
+        }
+    }
+
+    /// Passes a child without attributes and markup, and returns its name and content.
+    ///
+    /// Nearly all of a motion file is such elements, and as events each costs three scans of its text.
+    /// Anything else is left where it is, to be read as events.
+    fn simple_child(&mut self) -> Option<(&'a [u8], &'a [u8])> {
+        if self.empty_open {
+            return None;
+        }
+        let rest: &'a [u8] = self.reader.get_ref();
+        let (_, element) = rest[rest.iter().position(|byte| !byte.is_ascii_whitespace())?..]
+            .split_first_chunk::<1>()
+            .filter(|(first, _)| **first == *b"<")?;
+        let name = &element[..element.iter().position(|byte| !byte.is_ascii_alphanumeric())?];
+        let content = element[name.len()..].strip_prefix(b">").filter(|_| !name.is_empty())?;
+        let content = &content[..memchr::memchr(b'<', content)?];
+        let end = name.len() + 1 + content.len();
+        let after = element[end..].strip_prefix(b"</")?.strip_prefix(name)?.strip_prefix(b">")?;
+        self.reader.stream().consume(rest.len() - after.len());
+        Some((name, content))
+    }
+
+    /// Reads numbers to the end of the element `inside`, or those of its `content` where that is given.
     ///
     /// `take` gets each number; the error of a word that is none is made by `fault`.
     pub(super) fn numbers(
         &mut self,
         inside: &'static str,
+        content: Option<&[u8]>,
         mut take: impl FnMut(f64),
         fault: impl Fn(NotANumber) -> MmmFault,
     ) -> Result<(), MmmError> {
-        // The numbers are read from the document itself; as events their text would be scanned three times.
-        if !self.empty_open {
-            let read = parse_numbers(self.reader.get_ref(), &mut take);
-            let length = read.map_err(|word| self.fault(fault(word)))?;
-            self.reader.stream().consume(length);
+        if let Some(content) = content {
+            parse_numbers(content, &mut take).map_err(|word| self.fault(fault(word)))?;
+            return Ok(());
         }
         loop {
             match self.child(inside)? {
