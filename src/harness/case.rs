@@ -1,5 +1,6 @@
 //! One case: a motion, its body, its scores at every level, its recordings.
 
+use std::cell::LazyCell;
 use std::collections::BTreeMap;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -9,10 +10,10 @@ use super::{RunFolder, RunSettings, Source};
 use crate::dataset::Sample;
 use crate::humanoid::Humanoid;
 use crate::manifest::{RunKey, SkippedInput};
-use crate::plausibility::{Score, kinematic_scores, rollout_scores};
+use crate::plausibility::{Score, inverse_scores, kinematic_scores, rollout_scores};
 use crate::recording::{Recorder, RecordingError, RecordingHeader, RecordingSummary};
 use crate::report::{CaseResult, LevelResult};
-use crate::simulation::{Level, Outcome, Rollout, RolloutSample, Simulation, SimulationError};
+use crate::simulation::{Level, Outcome, Rollout, RolloutSample, Simulation};
 
 /// What all cases of a run share.
 pub(super) struct CaseContext<'a> {
@@ -108,22 +109,25 @@ fn evaluate(context: &CaseContext<'_>, sample: &Sample) -> (Vec<LevelResult>, Ve
         Ok(humanoid) => humanoid,
         Err(error) => return (Vec::new(), vec![format!("build the body: {error}")]),
     };
-    // Made for the first level that is simulated; all of them run from it.
-    let mut simulation: Option<Result<Simulation<'_>, SimulationError>> = None;
+    // Made for the first level that needs it; all levels above L0 share it.
+    let settings = &context.settings.simulation;
+    let simulation = LazyCell::new(|| Simulation::new(&humanoid, &sample.motion, settings));
     let mut levels = Vec::new();
     for &level in &context.settings.levels {
         let mut result = empty_level(level);
         if level == Level::L0 {
             add_scores(&mut result, &kinematic_scores(&humanoid, &sample.motion), &mut failures);
         } else {
-            let settings = &context.settings.simulation;
-            let prepare = || Simulation::new(&humanoid, &sample.motion, settings);
-            match simulation.get_or_insert_with(prepare) {
+            match &*simulation {
+                Err(error) => failures.push(format!("{level}: {error}")),
+                Ok(simulation) if level == Level::L1 => {
+                    let scores = inverse_scores(&humanoid, simulation.reference_motion());
+                    add_scores(&mut result, &scores, &mut failures);
+                }
                 Ok(simulation) => {
                     let recording = Recording::start(context, sample, &humanoid, level);
                     simulated_level(&mut result, simulation, &humanoid, recording, &mut failures);
                 }
-                Err(error) => failures.push(format!("{level}: {error}")),
             }
         }
         levels.push(result);
