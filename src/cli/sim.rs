@@ -77,7 +77,7 @@ pub(super) struct SimArgs {
 pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
     let settings = resolve::settings(args).or_usage()?;
     let dataset = resolve::dataset(&settings).or_usage()?;
-    let name = settings.motions.as_deref().map_or_else(|| "bundled".to_owned(), short_name);
+    let name = settings.motions.as_deref().map_or_else(|| summary::BUNDLED.to_owned(), short_name);
     let folder = open_folder(args, &settings, &name)?;
 
     let threads = match args.threads {
