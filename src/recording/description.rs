@@ -45,11 +45,10 @@ pub(super) fn viewer_urdf(urdf: &str, actor: Actor) -> Result<String, quick_xml:
             _ if skipped_depth > 0 => {}
             Event::Start(ref element) if leaves_out(element) => skipped_depth = 1,
             Event::Empty(ref element) if leaves_out(element) => {}
-            Event::Comment(_) => {}
             Event::Start(element) => writer.write_event(Event::Start(renamed(&element, actor)?))?,
             Event::Empty(element) => writer.write_event(Event::Empty(renamed(&element, actor)?))?,
             // Space between elements is all the text a URDF has.
-            Event::Text(_) => {}
+            Event::Text(_) | Event::Comment(_) => {}
             other => writer.write_event(other)?,
         }
     }

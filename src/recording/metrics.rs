@@ -6,10 +6,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::humanoid::{Humanoid, NUM_SEGMENTS};
 use crate::motion::NUM_JOINTS;
-use crate::simulation::RolloutSample;
-
-/// Gravity that body weight is measured in, m/s^2.
-const GRAVITY_M_S2: f64 = 9.81;
+use crate::simulation::{GRAVITY_M_S2, RolloutSample};
 
 /// A number of one sample: a field of the `/metrics` message.
 #[derive(Debug, Clone, Copy)]
@@ -45,12 +42,12 @@ pub const SAMPLE_METRICS: [SampleMetric; 14] = [
     SampleMetric {
         name: "mpjpe_world_mm",
         meaning: "mean distance of the segment origins from the reference in the world, mm",
-        value: |sample, _| mean_distance_mm(sample, Vector3::zeros()),
+        value: |sample, _| 1000.0 * sample.mean_distance_m(),
     },
     SampleMetric {
         name: "mpjpe_root_relative_mm",
         meaning: "the same after moving both roots to one place (positions only), mm",
-        value: |sample, _| mean_distance_mm(sample, root_offset_m(sample)),
+        value: |sample, _| mean_root_relative_distance_mm(sample),
     },
     SampleMetric {
         name: "joint_rms_rad",
@@ -128,8 +125,9 @@ fn root_offset_m(sample: &RolloutSample) -> Vector3<f64> {
     position_m(&sample.world_from_segment[0]) - position_m(&sample.reference_world_from_segment[0])
 }
 
-/// Mean distance of the segment origins from those of the reference moved by `shift_m`.
-fn mean_distance_mm(sample: &RolloutSample, shift_m: Vector3<f64>) -> f64 {
+/// Mean distance of the segment origins from those of the reference moved by its root's error.
+fn mean_root_relative_distance_mm(sample: &RolloutSample) -> f64 {
+    let shift_m = root_offset_m(sample);
     let pairs = sample.world_from_segment.iter().zip(&sample.reference_world_from_segment);
     let sum_m: f64 = pairs
         .map(|(simulated, reference)| (position_m(simulated) - position_m(reference) - shift_m).norm())
@@ -159,8 +157,12 @@ mod tests {
     use crate::simulation::Contact;
     use nalgebra::{Point3, UnitQuaternion};
 
+    fn adult() -> Humanoid {
+        Humanoid::new(Body { height_m: 1.7, mass_kg: 65.0 }).unwrap()
+    }
+
     fn value_of(name: &str, sample: &RolloutSample) -> f64 {
-        let humanoid = Humanoid::new(Body { height_m: 1.7, mass_kg: 65.0 }).unwrap();
+        let humanoid = adult();
         let metric = SAMPLE_METRICS.iter().find(|metric| metric.name == name).unwrap();
         (metric.value)(sample, &BodyScale::new(&humanoid))
     }
@@ -219,8 +221,10 @@ mod tests {
         // A whole turn more is the same angle.
         sample.joint_angles_rad[3] += 0.44 + TAU;
         assert!((value_of("joint_rms_rad", &sample) - 0.44 / 44.0_f64.sqrt()).abs() < 1e-12);
-        // Knees carry at most 3.5 N m per kilogram.
-        sample.joint_torques_nm[crate::motion::joint_index("LKx").unwrap()] = -0.5 * 3.5 * 65.0;
+        // The last joint of the tree at half its limit, under its KIT index.
+        let humanoid = adult();
+        let limit_nm = humanoid.robot.limits[NUM_JOINTS - 1].effort_nm;
+        sample.joint_torques_nm[humanoid.kit_of_angle()[NUM_JOINTS - 1]] = -0.5 * limit_nm;
         assert!((value_of("torque_share_max", &sample) - 0.5).abs() < 1e-9);
         let force_n = Vector3::new(30.0, 0.0, 65.0 * 9.81 / 2.0);
         sample.contacts = vec![Contact { segment: 5, position_m: Point3::origin(), force_n }; 2];

@@ -284,7 +284,8 @@ impl Recorder {
             self.event(event.time_secs, event.kind.into(), &event.message)?;
         }
         let end_secs = self.last_sample_secs;
-        let mut outcome = BTreeMap::new();
+        let drift_m = rollout.max_joint_drift_m.to_string();
+        let mut outcome = BTreeMap::from([("max_joint_drift_m".to_owned(), drift_m)]);
         match &rollout.outcome {
             Outcome::Completed => {
                 outcome.insert("kind".to_owned(), "completed".to_owned());

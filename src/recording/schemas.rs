@@ -1,5 +1,7 @@
 //! Message definitions, as ROS 2 writes them into a recording: the type itself, then every type it uses.
 
+use std::fmt::Write as _;
+
 use super::metrics::SAMPLE_METRICS;
 
 /// Line between two definitions of one schema.
@@ -78,7 +80,8 @@ impl Schema {
             Self::Metrics => {
                 let mut own = "std_msgs/Header header\n".to_owned();
                 for metric in &SAMPLE_METRICS {
-                    own += &format!("# {}\nfloat64 {}\n", metric.meaning, metric.name);
+                    // Writing to a string cannot fail.
+                    let _ = write!(own, "# {}\nfloat64 {}\n", metric.meaning, metric.name);
                 }
                 (own, &[HEADER, TIME])
             }

@@ -155,7 +155,8 @@ pub fn log(message: &[u8]) -> (u64, u8, String) {
     let (stamp, severity) = (cdr.stamp(), cdr.u8());
     cdr.string();
     let text = cdr.string().to_owned();
-    (cdr.string(), cdr.string(), cdr.u32());
+    // File, function and line.
+    assert_eq!((cdr.string(), cdr.string(), cdr.u32()), ("", "", 0));
     cdr.end();
     (stamp, severity, text)
 }

@@ -1,4 +1,5 @@
 //! Recordings: what is written can be read back, by strangers and after a crash.
+#![expect(clippy::unwrap_used, reason = "a test that cannot go on fails here")]
 
 mod decode;
 mod playback;
@@ -11,22 +12,11 @@ use mcap::read::Options;
 use nalgebra::Isometry3;
 use rprae::humanoid::Humanoid;
 use rprae::motion::JOINTS;
-use rprae::plausibility::{Better, Metric, Score};
+use rprae::plausibility::{METRICS, Score};
 use rprae::recording::{
     Recorder, RecordingError, RecordingHeader, RecordingSummary, SAMPLE_METRICS, START_TIME_NS, view_commands,
 };
 use rprae::simulation::{Level, Rollout};
-
-static SCORE_METRIC: Metric = Metric {
-    key: "l2/example",
-    title: "example",
-    unit: "mm",
-    level: Level::L2,
-    better: Better::Lower,
-    formula: "",
-    reference: "",
-    signature: "v:1",
-};
 
 const SETTINGS: &str = "dt_secs = 0.002\n";
 const RESULT: &str = "{\"id\":\"squat\"}";
@@ -57,7 +47,7 @@ fn record(path: &Path, humanoid: &Humanoid, rollout: &Rollout) -> Result<(), Rec
     for sample in &rollout.samples {
         recorder.sample(sample)?;
     }
-    let scores = [Score { metric: &SCORE_METRIC, value: 12.5 }];
+    let scores = [Score::new(METRICS[0], 12.5).unwrap()];
     recorder.finish(rollout, &RecordingSummary { result_json: RESULT, scores: &scores })
 }
 
@@ -236,8 +226,9 @@ fn carries_what_identifies_and_repeats_the_run() {
     assert_eq!(attachment("result.json"), RESULT);
     assert_eq!(attachments.len(), 3);
     assert_eq!(metadata["run"], run_metadata());
-    assert_eq!(metadata["scores"], BTreeMap::from([("l2/example".to_owned(), "12.5".to_owned())]));
+    assert_eq!(metadata["scores"], BTreeMap::from([(METRICS[0].key.to_owned(), "12.5".to_owned())]));
     assert_eq!(metadata["outcome"]["kind"], "completed");
+    assert_eq!(metadata["outcome"]["max_joint_drift_m"], "0.0003");
     assert_eq!(metadata["rollout"]["id"], "squat");
     assert_eq!(metadata["rollout"]["level"], "L2");
     assert_eq!(metadata["rollout"]["caption_01"], captions()[1]);
@@ -326,8 +317,8 @@ fn a_file_cut_anywhere_keeps_all_seconds_before_the_cut() {
         let cut = (state >> 16) as usize % bytes.len();
         let kept = readable_messages(&bytes[..cut]);
         assert!(kept.len() <= whole.len() && kept[..] == whole[..kept.len()], "cut at {cut}");
-        let full_chunks = chunks.iter().filter(|c| c.chunk_start_offset + c.chunk_length <= cut as u64);
-        if let Some(chunk) = full_chunks.last() {
+        let mut full_chunks = chunks.iter().filter(|c| c.chunk_start_offset + c.chunk_length <= cut as u64);
+        if let Some(chunk) = full_chunks.next_back() {
             let last = kept.iter().map(|(_, time, _)| *time).max().unwrap();
             assert!(last >= chunk.message_end_time, "cut at {cut}");
         }

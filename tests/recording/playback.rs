@@ -111,6 +111,7 @@ pub fn rollout(humanoid: &Humanoid, num_samples: usize) -> Rollout {
             event(0.5, EventKind::Fall, "the left hand reached the ground"),
             event(0.75, EventKind::Failure, "a number was not finite"),
         ],
+        max_joint_drift_m: 0.0003,
         outcome: Outcome::Completed,
     }
 }
