@@ -66,7 +66,7 @@ fn wrong_usage_ends_with_two_and_says_why() {
     fs::write(folder.path().join("bad.toml"), "frictoin = 1.0\n").unwrap();
     let cases: [(&[&str], &str); 8] = [
         (&["--frobnicate"], "--frobnicate"),
-        (&["--levels", "L1"], "no L1 yet"),
+        (&["--levels", "L4"], "L0, L1, L2, L3"),
         (&["--dt", "1"], "dt_secs"),
         (&["--overwrite"], "--out"),
         (&["--config", "bad.toml"], "frictoin"),

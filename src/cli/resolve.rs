@@ -44,10 +44,10 @@ pub(super) fn dataset(settings: &RunSettings) -> Result<Dataset, DatasetError> {
 pub(super) fn level(text: &str) -> Result<Level, String> {
     match text.trim().to_ascii_uppercase().as_str() {
         "L0" => Ok(Level::L0),
-        "L1" => Err("there is no L1 yet, expected some of L0, L2, L3".to_owned()),
+        "L1" => Ok(Level::L1),
         "L2" => Ok(Level::L2),
         "L3" => Ok(Level::L3),
-        _ => Err("expected some of L0, L2, L3".to_owned()),
+        _ => Err("expected some of L0, L1, L2, L3".to_owned()),
     }
 }
 
@@ -115,7 +115,7 @@ mod tests {
     #[test]
     fn levels_have_names() {
         assert_eq!(level("l2"), Ok(Level::L2));
-        assert!(level("L1").unwrap_err().contains("no L1 yet"));
+        assert!(level("L4").unwrap_err().contains("L0, L1, L2, L3"));
         assert!(level("2").is_err());
     }
 }

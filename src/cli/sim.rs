@@ -25,7 +25,8 @@ pub(super) struct SimArgs {
     /// Run folder; an unfinished run with the same settings there is continued. Default: results/NAME-NNN, a new one
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Levels to run, comma-separated: L0 kinematic, L2 assisted tracking, L3 unassisted tracking [default: all three]
+    /// Levels to run, comma-separated: L0 kinematic, L1 inverse dynamics, L2 assisted tracking, L3 unassisted
+    /// tracking [default: all four]
     #[arg(long, value_name = "LEVELS", value_delimiter = ',', value_parser = resolve::level)]
     pub levels: Option<Vec<Level>>,
     /// Length of a simulation step in seconds, also as a fraction [default: 1/480]; longer is faster and less stable
@@ -76,7 +77,7 @@ pub(super) struct SimArgs {
 pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
     let settings = resolve::settings(args).or_usage()?;
     let dataset = resolve::dataset(&settings).or_usage()?;
-    let name = settings.motions.as_deref().map_or_else(|| "bundled".to_owned(), short_name);
+    let name = settings.motions.as_deref().map_or_else(|| summary::BUNDLED.to_owned(), short_name);
     let folder = open_folder(args, &settings, &name)?;
 
     let threads = match args.threads {

@@ -7,6 +7,9 @@ use super::output::rprae_command;
 use crate::harness::Run;
 use crate::report::{Align, Column, KEY_METRICS, Results, Table, compact, results_table, shorten};
 
+/// Name of the bundled suite as a dataset.
+pub(super) const BUNDLED: &str = "bundled";
+
 /// Most lines of a list; the files have the rest.
 const MAX_LISTED: usize = 10;
 
@@ -126,7 +129,10 @@ fn push_next_steps(text: &mut String, results: &Results, folder: &Path) {
     if has_recordings {
         let _ = writeln!(text, "Watch:    {}", rprae_command(&["view".as_ref(), path]));
     }
-    let baseline = std::ffi::OsStr::new("baseline.json");
+    // The bundled suite comes with a baseline when it is run from the project's folder.
+    let bundled = Path::new("results/baseline/bundled.json");
+    let has_bundled = results.dataset == BUNDLED && bundled.is_file();
+    let baseline = if has_bundled { bundled } else { Path::new("baseline.json") }.as_os_str();
     let accept = ["regress".as_ref(), "--baseline".as_ref(), baseline, "--update".as_ref(), path];
     let compare = ["regress".as_ref(), "--baseline".as_ref(), baseline, path];
     let _ = writeln!(text, "Accept:   {}", rprae_command(&accept));

@@ -1,5 +1,6 @@
 //! One case: a motion, its body, its scores at every level, its recordings.
 
+use std::cell::LazyCell;
 use std::collections::BTreeMap;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -9,11 +10,10 @@ use super::{RunFolder, RunSettings, Source};
 use crate::dataset::Sample;
 use crate::humanoid::Humanoid;
 use crate::manifest::{RunKey, SkippedInput};
-use crate::motion::{JUMP_SPEED_RAD_S, Jump, filter_jumps};
-use crate::plausibility::{Score, kinematic_scores, rollout_scores};
+use crate::plausibility::{Score, inverse_scores, kinematic_scores, rollout_scores};
 use crate::recording::{Recorder, RecordingError, RecordingHeader, RecordingSummary};
 use crate::report::{CaseResult, LevelResult};
-use crate::simulation::{Event, EventKind, Level, Outcome, Rollout, RolloutSample, simulate};
+use crate::simulation::{Level, Outcome, Rollout, RolloutSample, Simulation};
 
 /// What all cases of a run share.
 pub(super) struct CaseContext<'a> {
@@ -109,15 +109,27 @@ fn evaluate(context: &CaseContext<'_>, sample: &Sample) -> (Vec<LevelResult>, Ve
         Ok(humanoid) => humanoid,
         Err(error) => return (Vec::new(), vec![format!("build the body: {error}")]),
     };
+    // Made for the first level that needs it; all levels above L0 share it.
+    let settings = &context.settings.simulation;
+    let simulation = LazyCell::new(|| Simulation::new(&humanoid, &sample.motion, settings));
     let mut levels = Vec::new();
     for &level in &context.settings.levels {
-        let result = if level == Level::L0 {
-            let mut result = empty_level(level);
+        let mut result = empty_level(level);
+        if level == Level::L0 {
             add_scores(&mut result, &kinematic_scores(&humanoid, &sample.motion), &mut failures);
-            result
         } else {
-            simulated_level(context, sample, &humanoid, level, &mut failures)
-        };
+            match &*simulation {
+                Err(error) => failures.push(format!("{level}: {error}")),
+                Ok(simulation) if level == Level::L1 => {
+                    let scores = inverse_scores(&humanoid, simulation.reference_motion());
+                    add_scores(&mut result, &scores, &mut failures);
+                }
+                Ok(simulation) => {
+                    let recording = Recording::start(context, sample, &humanoid, level);
+                    simulated_level(&mut result, simulation, &humanoid, recording, &mut failures);
+                }
+            }
+        }
         levels.push(result);
     }
     (levels, failures)
@@ -128,53 +140,31 @@ fn empty_level(level: Level) -> LevelResult {
 }
 
 fn simulated_level(
-    context: &CaseContext<'_>,
-    sample: &Sample,
+    result: &mut LevelResult,
+    simulation: &Simulation<'_>,
     humanoid: &Humanoid,
-    level: Level,
+    mut recording: Recording,
     failures: &mut Vec<String>,
-) -> LevelResult {
-    let mut result = empty_level(level);
-    let mut recording = Recording::start(context, sample, humanoid, level);
-    let settings = &context.settings.simulation;
-    let (motion, jumps) = filter_jumps(&sample.motion);
-    let rollout = simulate(humanoid, &motion, level, settings, &mut |now| recording.sample(now));
-    let rollout = match rollout {
-        Ok(mut rollout) => {
-            rollout.events.splice(0..0, jumps_event(&jumps, motion.rate_hz()));
-            rollout
-        }
+) {
+    let level = result.level;
+    let rollout = match simulation.run(level, &mut |sample| recording.sample(sample)) {
+        Ok(rollout) => rollout,
         Err(error) => {
             failures.push(format!("{level}: {error}"));
-            return result;
+            return;
         }
     };
     let scores = rollout_scores(humanoid, &rollout);
-    add_scores(&mut result, &scores, failures);
+    add_scores(result, &scores, failures);
     result.events.clone_from(&rollout.events);
     if let Outcome::Failed { time_secs, reason } = &rollout.outcome {
         failures.push(format!("{level} at {time_secs:.3} s: {reason}"));
     }
     result.outcome = Some(rollout.outcome.clone());
-    match recording.finish(&rollout, &result, &scores) {
+    match recording.finish(&rollout, result, &scores) {
         Ok(path) => result.recording = path,
         Err(error) => failures.push(format!("{level}: {error}")),
     }
-    result
-}
-
-/// Names the jumps that the simulated motion is without; nothing when there was none.
-fn jumps_event(jumps: &[Jump], rate_hz: f64) -> Option<Event> {
-    const MAX_NAMED: usize = 3;
-    let place = |jump: &Jump| format!("{} at {:.2} s", jump.joint_name(), jump.frame as f64 / rate_hz);
-    let named: Vec<String> = jumps.iter().take(MAX_NAMED).map(place).collect();
-    let more = if jumps.len() > MAX_NAMED { ", ..." } else { "" };
-    let message = format!(
-        "{} jumps faster than {JUMP_SPEED_RAD_S} rad/s were smoothed: {}{more}",
-        jumps.len(),
-        named.join(", ")
-    );
-    (!jumps.is_empty()).then_some(Event { time_secs: 0.0, kind: EventKind::Retarget, message })
 }
 
 /// Takes scores over; one that is not finite fails the case, since no file or mean may hold it.

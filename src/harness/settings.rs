@@ -49,7 +49,7 @@ impl Default for RunSettings {
             motions: None,
             ids: Vec::new(),
             limit: None,
-            levels: vec![Level::L0, Level::L2, Level::L3],
+            levels: vec![Level::L0, Level::L1, Level::L2, Level::L3],
             recordings: true,
             seed: 0,
             mass_kg: None,
@@ -126,10 +126,7 @@ impl RunSettings {
         self.levels.dedup();
         let outside = |name, found: String, expected| SettingsProblem::Value { name, found, expected };
         if self.levels.is_empty() {
-            return Err(outside("levels", "empty".to_owned(), "some of L0, L2, L3"));
-        }
-        if self.levels.contains(&Level::L1) {
-            return Err(outside("levels", "L1".to_owned(), "some of L0, L2, L3 (there is no L1 yet)"));
+            return Err(outside("levels", "empty".to_owned(), "some of L0, L1, L2, L3"));
         }
         if self.limit == Some(0) {
             return Err(outside("limit", "0".to_owned(), "at least 1"));
@@ -232,9 +229,8 @@ mod tests {
             settings.check().map_err(|problem| problem.to_string())
         };
         assert_eq!(checked(|_| ()), Ok(()));
-        let bad: [(&str, Change); 7] = [
+        let bad: [(&str, Change); 6] = [
             ("levels", |settings| settings.levels.clear()),
-            ("L1", |settings| settings.levels.push(Level::L1)),
             ("limit", |settings| settings.limit = Some(0)),
             ("dt_secs", |settings| settings.simulation.dt_secs = f64::NAN),
             ("table.rate_hz", |settings| settings.table.rate_hz = Some(-1.0)),

@@ -22,7 +22,7 @@ const RESIDUAL: &str = "root residual of inverse dynamics after the best contact
 const SHARED: Metric = Metric {
     key: "",
     title: "",
-    unit: "%BW",
+    unit: "% BW",
     level: Level::L1,
     better: Better::Lower,
     formula: "",
@@ -63,7 +63,7 @@ pub(super) static FORCE_GATED: Metric = Metric {
 pub(super) static MOMENT_MEAN: Metric = Metric {
     key: "l1/residual_moment",
     title: "residual moment",
-    unit: "%BW*H",
+    unit: "% BW H",
     formula: "mean over frames of |residual moment about the root| / (m g H), as l1/residual_force",
     signature: "filter:butterworth4-6Hz|rate:50Hz|mu:0.8|h:35mm|gate:none|solver:clarabel-soc|v:1",
     ..SHARED

@@ -15,10 +15,10 @@ h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2.2rem}code{font-size:.85em;
 .wide{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums}\
 th,td{padding:.3rem .6rem;border-bottom:1px solid #dde3ea;text-align:left;vertical-align:top}\
 th{position:sticky;top:0;background:#fff}.n{text-align:right;white-space:nowrap}\
-tr.failed td{background:#fdecea}tr.fell td:last-child{color:#8a4b00}b{color:#b3261e}svg{display:block;margin-left:auto}\
+tr.failed td{background:#fdecea}tr.implausible td{background:#fff6e0}tr.fell td:last-child{color:#8a4b00}b{color:#b3261e}svg{display:block;margin-left:auto}\
 rect.bar{fill:#7aa7d9}rect.bin{fill:#7aa7d9}small{color:#5b6b7b}\
 @media(prefers-color-scheme:dark){body,th{background:#12181f;color:#dce5ee}th,td{border-color:#2b3742}\
-tr.failed td{background:#3a1c1a}tr.fell td:last-child{color:#f0b36a}b{color:#ff8a80}small{color:#93a3b3}a{color:#8ab8f0}}";
+tr.failed td{background:#3a1c1a}tr.implausible td{background:#33290f}tr.fell td:last-child{color:#f0b36a}b{color:#ff8a80}small{color:#93a3b3}a{color:#8ab8f0}}";
 
 /// A run as a self-contained HTML page: cases from worst to best with the metrics in `keys`, a bar in each cell,
 /// links to the recordings, a histogram for every metric, and the skipped inputs with their reasons.
@@ -85,6 +85,7 @@ fn push_case(page: &mut String, case: &CaseResult, shown: &[(&MetricRecord, f64)
     let noted = notes(case);
     let class = match noted.first().map(|note| note.kind) {
         Some(NoteKind::Failed) => "failed",
+        Some(NoteKind::Implausible) => "implausible",
         Some(NoteKind::Fell) => "fell",
         Some(NoteKind::Doubt) | None => "",
     };
@@ -116,7 +117,7 @@ fn push_case(page: &mut String, case: &CaseResult, shown: &[(&MetricRecord, f64)
     let texts: Vec<String> = noted
         .iter()
         .map(|note| match note.kind {
-            NoteKind::Failed => format!("<b>{}</b>", escape_html(&note.text)),
+            NoteKind::Failed | NoteKind::Implausible => format!("<b>{}</b>", escape_html(&note.text)),
             NoteKind::Fell | NoteKind::Doubt => escape_html(&note.text),
         })
         .collect();

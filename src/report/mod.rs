@@ -9,12 +9,10 @@ pub const KEY_METRICS: &[&str] = &[
     "l0/skate",
     "l0/float",
     "l0/penetration",
-    "l0/root_speed_peak",
+    "l1/residual_force",
     "l2/mpjpe_root",
     "l2/assist_mean",
-    "l2/torque_limit_share",
     "l3/time_to_fall",
-    "l3/mpjpe_before_fall",
 ];
 
 mod aggregate;

@@ -137,7 +137,7 @@ pub fn results_table(results: &Results, keys: &[&str], width: usize) -> String {
         cells,
     };
     let mut columns = vec![
-        words("case", None, cases.iter().map(|case| shorten(&case.id, 24)).collect()),
+        words("case", None, cases.iter().map(|case| shorten(&case.id, 48)).collect()),
         words("caption", Some(12), cases.iter().map(|case| shorten(case.caption(), 40)).collect()),
         Column {
             heading: vec![String::new(), String::new(), "length".to_owned(), "s".to_owned()],

@@ -56,7 +56,7 @@ fn default_absolute(unit: &str) -> f64 {
     match unit {
         "m/s^3" | "rad/s^3" => 1.0,
         "mm" | "mm/s" | "mm s" => 0.5,
-        "% BW" => 0.2,
+        "% BW" | "% BW H" => 0.2,
         "s" | "BW" | "rad/s" | "mm/frame" | "N s/kg" | "N m s/kg" => 0.02,
         _ => 0.005,
     }
