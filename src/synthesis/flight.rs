@@ -6,7 +6,7 @@
 use std::ops::Range;
 
 use super::RATE_HZ;
-use super::dynamics::{GRAVITY_M_S2, LEAST_SUPPORT};
+use super::ground::{GRAVITY_M_S2, LEAST_SUPPORT};
 use super::track::{Key, Track};
 
 /// Inertia of trunk, head and arms about the hips in pitch, kg m^2, for the body of the suite.

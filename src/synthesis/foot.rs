@@ -311,3 +311,62 @@ fn swing_tracks(geometry: &FootGeometry, from: &Stance, to: &Stance, swing: &Swi
         until_secs: to.land_secs,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motion::Body;
+    use crate::synthesis::actor::standing_footprint;
+
+    fn step() -> FootTrack {
+        let humanoid = Humanoid::new(Body::with_default_mass(1.75)).unwrap();
+        let geometry = FootGeometry::new(&humanoid, Side::Right).unwrap();
+        let footprint = standing_footprint(Side::Right);
+        let from = Stance { heel_off_secs: 0.7, leave_toe_rad: 0.6, ..Stance::flat(footprint, 0.0, 1.0) };
+        let ahead = Footprint { y_m: 0.6, ..footprint };
+        let to = Stance { flat_secs: 1.5, land_pitch_rad: 0.2, ..Stance::flat(ahead, 1.4, 2.0) };
+        FootTrack::new(geometry, vec![from, to], &[Swing { lift_m: 0.06, dip_rad: 0.1, via: Vec::new() }])
+    }
+
+    #[test]
+    fn the_foot_rolls_over_toes_that_stay() {
+        let foot = step();
+        let toes = |time: f64| {
+            let pose = foot.at(time);
+            assert_eq!(pose.contact, if time > 0.7 { Contact::Toes } else { Contact::Sole });
+            let bend = UnitQuaternion::from_axis_angle(&foot.geometry.toe_axis, pose.toe_rad);
+            pose.world_from_foot * foot.geometry.foot_from_toe_joint * bend
+        };
+        for time in [0.75, 0.85, 1.0] {
+            assert!((toes(time).translation.vector - toes(0.5).translation.vector).norm() < 1e-12);
+            assert!(toes(time).rotation.angle_to(&toes(0.5).rotation) < 1e-7);
+        }
+        assert!(
+            foot.at(1.0).world_from_foot.translation.z > foot.at(0.5).world_from_foot.translation.z + 0.05
+        );
+    }
+
+    #[test]
+    fn the_heel_lands_where_the_footprint_is() {
+        let foot = step();
+        let heel = nalgebra::Point3::new(0.0, -foot.geometry.heel_behind_m, -foot.geometry.sole_depth_m);
+        for time in [1.4, 1.43, 1.47, 1.6] {
+            let place = foot.at(time).world_from_foot * heel;
+            assert!((place - foot.at(1.6).world_from_foot * heel).norm() < 1e-12);
+            assert!(place.z.abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn velocity_and_acceleration_are_continuous() {
+        let foot = step();
+        let position = |time: f64| foot.at(time).world_from_foot.translation.vector;
+        let h = 1e-4;
+        for time in [0.7, 1.0, 1.4, 1.5] {
+            let rate = |t: f64| (position(t + h) - position(t - h)) / (2.0 * h);
+            let acceleration = |t: f64| (position(t + h) - 2.0 * position(t) + position(t - h)) / (h * h);
+            assert!((rate(time + 2.0 * h) - rate(time - 2.0 * h)).norm() < 0.02, "{time}");
+            assert!((acceleration(time + 2.0 * h) - acceleration(time - 2.0 * h)).norm() < 0.5, "{time}");
+        }
+    }
+}

@@ -1,8 +1,8 @@
 //! A jump on the spot: crouch, push-off over the toes, ballistic flight, landing on the toes, rise.
 
 use super::actor::{Actor, MIDFOOT_M, standing_footprint};
-use super::dynamics::GRAVITY_M_S2;
 use super::foot::{Stance, Swing};
+use super::ground::GRAVITY_M_S2;
 use super::plan::Plan;
 use super::track::{Key, Track};
 use crate::humanoid::Side;

@@ -3,15 +3,16 @@
 //! In: nothing but the numbers written here. Out: [`suite`], motions of the humanoid that keep their balance, and three
 //! that break one law of physics each.
 //! No recording is used. A choreography says where the feet are, how the body holds itself, how high the centre of mass
-//! is and where the ground carries it; [`plan`] finds the frames: the zero-moment point follows its plan including angular
+//! is and where the ground carries it; the solver finds the frames: the zero-moment point follows its plan including angular
 //! momentum, and the legs are solved to the feet by inverse kinematics.
 
 mod actor;
-mod dynamics;
+mod files;
 mod flight;
 mod foot;
 mod gait;
 mod gestures;
+mod ground;
 mod impossible;
 mod jump;
 mod leg;
@@ -24,8 +25,9 @@ mod track;
 mod turn;
 mod walk;
 
-pub use dynamics::{Dynamics, GRAVITY_M_S2};
+pub use files::{File, suite_files, suite_readme};
 pub use foot::Contact;
+pub use ground::{GRAVITY_M_S2, GroundReaction};
 pub use suite::{Feasibility, SuiteMotion, suite};
 
 use crate::humanoid::Side;
@@ -46,6 +48,14 @@ pub struct Performance {
 /// Why a motion cannot be made.
 #[derive(Debug, thiserror::Error)]
 pub enum SynthesisError {
+    /// A motion of the suite cannot be made.
+    #[error("{name}: {source}")]
+    Suite {
+        /// Name of the motion.
+        name: &'static str,
+        /// Why.
+        source: Box<SynthesisError>,
+    },
     /// The humanoid lacks a part.
     #[error("the humanoid has no {name}")]
     Missing {

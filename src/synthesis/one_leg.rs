@@ -53,7 +53,7 @@ pub(super) fn balance(actor: &Actor) -> Plan {
 
 /// Swings the right leg back and kicks forward with it.
 pub(super) fn kick(actor: &Actor) -> Plan {
-    let through = Via { velocity_m_s: [0.0, 2.6, 0.4], ..place(2.72, [0.10, 0.10, 0.19], -20.0) };
+    let through = Via { velocity_m_s: [0.0, 2.6, 0.4], ..place(2.72, [0.10, 0.10, 0.20], -20.0) };
     let via = [
         place(2.35, [0.10, -0.28, 0.26], -50.0),
         through,

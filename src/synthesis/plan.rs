@@ -2,9 +2,9 @@
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::dynamics::{Dynamics, GRAVITY_M_S2, LEAST_SUPPORT, balanced_path};
 use super::flight;
-use super::foot::{Contact, FootTrack};
+use super::foot::{Contact, FootPose, FootTrack};
+use super::ground::{GRAVITY_M_S2, GroundReaction, LEAST_SUPPORT, balanced_path};
 use super::leg::Leg;
 use super::posture::Posture;
 use super::track::Track;
@@ -28,9 +28,9 @@ pub(super) struct Plan {
 
 /// Passes over the whole motion; each corrects the path of the centre of mass for the angular momentum of the last.
 const PASSES: usize = 8;
-/// The centre of mass must meet its plan this closely, metres.
+/// The search for the pelvis ends when the centre of mass is this close to its plan, metres.
 const COM_TOLERANCE_M: f64 = 1e-9;
-/// Steps of the search for the pelvis in one frame; each leaves about a fifth of the error.
+/// Most steps of the search for the pelvis in one frame; each leaves some 5 % of the error.
 const PELVIS_STEPS: usize = 30;
 
 impl Plan {
@@ -44,17 +44,7 @@ impl Plan {
         let times: Vec<f64> = (0..num_frames).map(|frame| frame as f64 / RATE_HZ).collect();
         let feet: Vec<_> = times.iter().map(|&t| [self.feet[0].at(t), self.feet[1].at(t)]).collect();
         let height_m: Vec<f64> = times.iter().map(|&t| self.com_height_m.at(t)).collect();
-        let specific_force: Vec<f64> = (0..num_frames)
-            .map(|i| {
-                let flight = feet[i].iter().all(|foot| foot.contact == Contact::None);
-                if flight || i == 0 || i + 1 == num_frames {
-                    return if flight { 0.0 } else { GRAVITY_M_S2 };
-                }
-                let acceleration =
-                    (height_m[i + 1] - 2.0 * height_m[i] + height_m[i - 1]) * RATE_HZ * RATE_HZ;
-                (acceleration + GRAVITY_M_S2).max(0.0)
-            })
-            .collect();
+        let specific_force = specific_force_m_s2(&height_m, &feet);
         let wanted: Vec<[f64; 2]> =
             times.iter().map(|&t| [self.support_m[0].at(t), self.support_m[1].at(t)]).collect();
 
@@ -72,11 +62,9 @@ impl Plan {
             let path = |axis: usize| {
                 let load: Vec<f64> = (0..num_frames)
                     .map(|i| {
-                        // Where the ground bears little it cannot give the moment; fade it out towards flight.
-                        let grip = (specific_force[i] / (LEAST_SUPPORT * GRAVITY_M_S2)).min(1.0);
-                        let specific_moment = grip * grip * (3.0 - 2.0 * grip) / humanoid.body.mass_kg
-                            * [moment[i].y, -moment[i].x][axis];
-                        specific_force[i] * wanted[i][axis] + specific_moment
+                        let force = specific_force[i];
+                        let moment = [moment[i].y, -moment[i].x][axis] / humanoid.body.mass_kg;
+                        force * wanted[i][axis] + grip(force) * moment
                     })
                     .collect();
                 let ends = [wanted[0][axis], wanted[num_frames - 1][axis]];
@@ -94,7 +82,7 @@ impl Plan {
                 }
                 missing_m[i] = place_pelvis(humanoid, &legs, &ankles, &com, &mut frames[i], &mut poses[i]);
             }
-            moment = Dynamics::of_poses(humanoid, &poses, RATE_HZ).angular_momentum_rate_nm;
+            moment = GroundReaction::of_poses(humanoid, &poses, RATE_HZ).angular_momentum_rate_nm;
         }
 
         for (i, missing) in missing_m.iter().enumerate() {
@@ -109,6 +97,29 @@ impl Plan {
         let contacts = feet.iter().map(|pair| [pair[0].contact, pair[1].contact]).collect();
         Ok(Performance { motion: Motion::new(humanoid.body, RATE_HZ, frames)?, contacts })
     }
+}
+
+/// Ground force per mass that carries the centre of mass along these heights; zero in flight, m/s^2.
+fn specific_force_m_s2(height_m: &[f64], feet: &[[FootPose; 2]]) -> Vec<f64> {
+    let last = height_m.len() - 1;
+    (0..=last)
+        .map(|i| {
+            if feet[i].iter().all(|foot| foot.contact == Contact::None) {
+                return 0.0;
+            }
+            if i == 0 || i == last {
+                return GRAVITY_M_S2;
+            }
+            let acceleration = (height_m[i + 1] - 2.0 * height_m[i] + height_m[i - 1]) * RATE_HZ * RATE_HZ;
+            (acceleration + GRAVITY_M_S2).max(0.0)
+        })
+        .collect()
+}
+
+/// Share of the moment that the ground gives: where it bears little it can give none, so it fades out towards flight.
+fn grip(specific_force_m_s2: f64) -> f64 {
+    let share = (specific_force_m_s2 / (LEAST_SUPPORT * GRAVITY_M_S2)).min(1.0);
+    share * share * (3.0 - 2.0 * share)
 }
 
 /// Moves the pelvis until the centre of mass is at `com` with the feet where they are; returns what each leg lacks.

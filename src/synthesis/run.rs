@@ -1,31 +1,31 @@
 //! A jog with flight phases.
 //!
 //! Step time, contact time and step length follow slow running (Novacheck 1998, "The biomechanics of running", Gait and
-//! Posture 7:77: toe off before 40 % of the cycle; about 2.6 steps a second at 2.2 m/s).
+//! Posture 7:77: toe off before 40 % of the cycle; slow runners take 2.6 to 3 steps a second).
 
 use super::actor::{Actor, MIDFOOT_M, STANDING_HALF_WIDTH_M, TOE_OUT_RAD, sign};
-use super::dynamics::GRAVITY_M_S2;
 use super::foot::{Footprint, Stance};
 use super::gait::{Footfall, Footfalls, Manner};
+use super::ground::GRAVITY_M_S2;
 use super::plan::Plan;
 use super::track::Key;
 use crate::humanoid::Side;
 
 /// Side, landing, leaving (seconds) and place (metres forward) of each footfall after the standing feet.
 ///
-/// The first steps gather speed, the middle ones cover 0.75 m in 0.34 s, the last ones brake.
+/// The first steps gather speed, the middle ones cover 0.76 m in 0.34 s, the last ones brake.
 const FOOTFALLS: [(Side, f64, f64, f64); 11] = [
     (Side::Right, 1.32, 1.62, 0.28),
     (Side::Left, 1.67, 1.93, 0.74),
     (Side::Right, 2.01, 2.27, 1.33),
-    (Side::Left, 2.35, 2.61, 2.05),
-    (Side::Right, 2.69, 2.95, 2.78),
-    (Side::Left, 3.03, 3.29, 3.52),
-    (Side::Right, 3.37, 3.75, 4.16),
-    (Side::Left, 3.70, 4.18, 4.66),
-    (Side::Right, 4.08, 4.62, 5.06),
-    (Side::Left, 4.52, f64::INFINITY, 5.18),
-    (Side::Right, 5.02, f64::INFINITY, 5.18),
+    (Side::Left, 2.35, 2.61, 2.07),
+    (Side::Right, 2.69, 2.95, 2.83),
+    (Side::Left, 3.03, 3.29, 3.59),
+    (Side::Right, 3.37, 3.75, 4.19),
+    (Side::Left, 3.70, 4.18, 4.65),
+    (Side::Right, 4.08, 4.62, 5.05),
+    (Side::Left, 4.52, f64::INFINITY, 5.17),
+    (Side::Right, 5.02, f64::INFINITY, 5.17),
 ];
 /// Leaving of the standing right and left foot, seconds.
 const FIRST_LEAVE_SECS: [f64; 2] = [1.0, 1.36];
@@ -39,7 +39,7 @@ const FLIGHT_HEIGHTS_M: [f64; 6] = [-0.045, -0.035, -0.035, -0.03, -0.03, -0.04]
 const LOW_M: f64 = -0.044;
 
 const MANNER: Manner = Manner {
-    full_step_m: 0.75,
+    full_step_m: 0.76,
     pelvis_turn_deg: 6.0,
     pelvis_drop_deg: 3.0,
     lean_deg: 7.0,
@@ -108,7 +108,7 @@ fn footfalls() -> Footfalls {
         } else {
             [0.0, 0.155]
         };
-        footfalls.0.push(Footfall { side, stance, lift_m: 0.13, dip_rad: 0.40, support_m });
+        footfalls.0.push(Footfall { side, stance, lift_m: 0.13, dip_rad: 0.34, support_m });
     }
     footfalls
 }

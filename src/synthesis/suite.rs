@@ -1,5 +1,7 @@
 //! The list of the suite: identity, captions and makers.
 
+use rayon::prelude::*;
+
 use super::actor::Actor;
 use super::{Performance, SynthesisError, gestures, impossible, jump, one_leg, run, turn, walk};
 use crate::humanoid::Side;
@@ -72,9 +74,11 @@ const MOTIONS: &[(&str, &str, &[&str], Feasibility, Make)] = &[
 pub fn suite() -> Result<Vec<SuiteMotion>, SynthesisError> {
     let actor = Actor::new()?;
     MOTIONS
-        .iter()
+        .par_iter()
         .map(|&(id, name, captions, feasibility, make)| {
-            Ok(SuiteMotion { id, name, captions, feasibility, performance: make(&actor)? })
+            let performance =
+                make(&actor).map_err(|source| SynthesisError::Suite { name, source: Box::new(source) })?;
+            Ok(SuiteMotion { id, name, captions, feasibility, performance })
         })
         .collect()
 }

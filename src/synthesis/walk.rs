@@ -2,7 +2,7 @@
 //!
 //! Cadence, step length and the share of double support follow adult norms (Perry and Burnfield 2010, "Gait Analysis",
 //! chapters 2 and 26; Winter 2009, "Biomechanics and Motor Control of Human Movement"): some 110 steps a minute at
-//! 1.1 m/s, double support a tenth of the stride twice, heel contact with the toes up, heel off before the other foot
+//! 1.1 m/s, two double supports of 10 to 12 % of the stride each, heel contact with the toes up, heel off before the other foot
 //! lands, pelvis rotation of 4 to 5 degrees and an arm swing of some 30 degrees (Murray et al. 1967).
 //! Deviation: the knees stay more bent in stance than in people, so that legs never reach full length.
 

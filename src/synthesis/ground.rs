@@ -15,9 +15,9 @@ pub(super) const LEAST_SUPPORT: f64 = 0.3;
 /// Gravity, m/s^2, along -z.
 pub const GRAVITY_M_S2: f64 = 9.81;
 
-/// Whole-body dynamics of a motion by central differences, one value per frame; both ends are taken as at rest.
+/// What a motion asks of the ground, by central differences, one value per frame; both ends are taken as at rest.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Dynamics {
+pub struct GroundReaction {
     /// Centre of mass in the world, metres.
     pub com_m: Vec<Vector3<f64>>,
     /// Acceleration of the centre of mass, m/s^2.
@@ -27,15 +27,15 @@ pub struct Dynamics {
     mass_kg: f64,
 }
 
-impl Dynamics {
-    /// Dynamics of a motion performed by `humanoid`.
+impl GroundReaction {
+    /// For a motion performed by `humanoid`.
     #[must_use]
     pub fn of(humanoid: &Humanoid, motion: &Motion) -> Self {
         let poses: Vec<_> = motion.frames().iter().map(|frame| humanoid.forward(frame)).collect();
         Self::of_poses(humanoid, &poses, motion.rate_hz())
     }
 
-    /// Dynamics from the link poses of each frame.
+    /// From the link poses of each frame.
     pub(super) fn of_poses(humanoid: &Humanoid, poses: &[Vec<Isometry3<f64>>], rate_hz: f64) -> Self {
         let tree = &humanoid.robot.tree;
         let com_m: Vec<_> = poses.iter().map(|pose| tree.center_of_mass(pose)).collect();
@@ -106,6 +106,9 @@ fn angular_momentum(
     sum
 }
 
+/// The load may move for this long at either end to set the body in motion, seconds.
+const PREPARATION_SECS: f64 = 0.7;
+
 /// Path of the centre of mass along one horizontal axis that puts the zero-moment point where it should be.
 ///
 /// Solves `f_i c_i - z_i c''_i = load_i` for all frames at once, `c''` by central differences, both ends given
@@ -114,7 +117,39 @@ fn angular_momentum(
 /// `height_m` is z, `specific_force_m_s2` is `f = z'' + g`, `load_m2_s2` is f times the wanted zero-moment point, less
 /// the specific moment that the angular momentum takes.
 /// Where f is zero (flight) and the load is zero the path is a straight line.
+///
+/// The path also begins and ends at rest: as people do before a step, the load first moves the other way, by as much as
+/// that takes (Winter 1995, Gait and Posture 3:193).
 pub(super) fn balanced_path(
+    height_m: &[f64],
+    specific_force_m_s2: &[f64],
+    load_m2_s2: &[f64],
+    ends_m: [f64; 2],
+    rate_hz: f64,
+) -> Vec<f64> {
+    let mut path = solve(height_m, specific_force_m_s2, load_m2_s2, ends_m, rate_hz);
+    let n = path.len();
+    let length = (PREPARATION_SECS * rate_hz) as usize;
+    if n < 4 * length {
+        return path;
+    }
+    for (first, end, inner) in [(0, 0, 1), (n - 1 - length, n - 1, n - 2)] {
+        let mut load = vec![0.0; n];
+        for i in first..=first + length {
+            let s = (i - first) as f64 / length as f64;
+            load[i] = specific_force_m_s2[i] * 64.0 * (s * (1.0 - s)).powi(3);
+        }
+        let answer = solve(height_m, specific_force_m_s2, &load, [0.0; 2], rate_hz);
+        if answer[inner].abs() > 1e-9 {
+            let amount = (path[inner] - path[end]) / answer[inner];
+            path.iter_mut().zip(&answer).for_each(|(path, answer)| *path -= amount * answer);
+        }
+    }
+    path
+}
+
+/// The equations of [`balanced_path`] for one load.
+fn solve(
     height_m: &[f64],
     specific_force_m_s2: &[f64],
     load_m2_s2: &[f64],
@@ -162,6 +197,15 @@ mod tests {
     }
 
     #[test]
+    fn a_step_to_the_side_begins_and_ends_at_rest() {
+        let load: Vec<f64> = (0..600).map(|i| if i < 100 { 0.0 } else { 0.1 * GRAVITY_M_S2 }).collect();
+        let path = balanced_path(&vec![0.9; 600], &vec![GRAVITY_M_S2; 600], &load, [0.0, 0.1], 100.0);
+        assert!((path[1] - path[0]).abs() < 1e-7 && (path[599] - path[598]).abs() < 1e-7);
+        let overshoot = path.iter().fold(0.0_f64, |worst, c| worst.max(c - 0.1).max(-c));
+        assert!(overshoot < 0.01 && (path[110] - 0.05).abs() < 0.03, "{overshoot} {}", path[110]);
+    }
+
+    #[test]
     fn without_ground_force_the_path_is_straight() {
         let path = balanced_path(&[1.0; 11], &[0.0; 11], &[0.0; 11], [1.0, 2.0], 100.0);
         for (i, position) in path.iter().enumerate() {
@@ -183,17 +227,17 @@ mod tests {
             })
             .collect();
         let motion = Motion::new(humanoid.body, 100.0, frames).unwrap();
-        let dynamics = Dynamics::of(&humanoid, &motion);
-        let lever = dynamics.com_m[30] - Vector3::new(0.0, 0.0, 0.9);
-        let acceleration = dynamics.com_acceleration_m_s2[30];
+        let reaction = GroundReaction::of(&humanoid, &motion);
+        let lever = reaction.com_m[30] - Vector3::new(0.0, 0.0, 0.9);
+        let acceleration = reaction.com_acceleration_m_s2[30];
         assert!((acceleration + lever * 4.0).norm() < 1e-3, "centripetal: {acceleration}");
         // The axis is a principal one up to the slight asymmetry of the body.
-        assert!(dynamics.angular_momentum_rate_nm[30].x.abs() < 1e-6);
-        assert!(dynamics.angular_momentum_rate_nm[30].norm() < 1e-2);
+        assert!(reaction.angular_momentum_rate_nm[30].x.abs() < 1e-6);
+        assert!(reaction.angular_momentum_rate_nm[30].norm() < 1e-2);
         let still = Motion::new(humanoid.body, 100.0, vec![motion.frames()[0]; 3]).unwrap();
-        let dynamics = Dynamics::of(&humanoid, &still);
-        let [x, y] = dynamics.zero_moment_point_m(1).unwrap();
-        assert!((x - dynamics.com_m[1].x).abs() + (y - dynamics.com_m[1].y).abs() < 1e-12);
-        assert!((dynamics.vertical_force_n(1) - humanoid.body.mass_kg * GRAVITY_M_S2).abs() < 0.01);
+        let reaction = GroundReaction::of(&humanoid, &still);
+        let [x, y] = reaction.zero_moment_point_m(1).unwrap();
+        assert!((x - reaction.com_m[1].x).abs() + (y - reaction.com_m[1].y).abs() < 1e-12);
+        assert!((reaction.vertical_force_n(1) - humanoid.body.mass_kg * GRAVITY_M_S2).abs() < 0.01);
     }
 }
