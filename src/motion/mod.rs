@@ -250,6 +250,15 @@ pub const ROOT_CHANNEL_NAMES: [&str; 6] =
     ["root x", "root y", "root z", "root roll", "root pitch", "root yaw"];
 
 fn check_frame(index: usize, frame: &Frame) -> Result<(), MotionError> {
+    // Nearly every frame is good, and this form compares several channels at a time; NaN is within no limit.
+    let within =
+        |values: &[f64], limit: f64| values.iter().fold(true, |ok, value| ok & (value.abs() <= limit));
+    if within(&frame.joint_angles_rad, bounds::MAX_ANGLE_RAD)
+        && within(&frame.root_position_m, bounds::MAX_ROOT_POSITION_M)
+        && within(&frame.root_rotation_rad, bounds::MAX_ANGLE_RAD)
+    {
+        return Ok(());
+    }
     let channels = frame.to_channels();
     for (channel, &found) in channels.iter().enumerate() {
         let (limit, unit) = if (NUM_JOINTS..NUM_JOINTS + 3).contains(&channel) {

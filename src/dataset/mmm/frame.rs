@@ -1,7 +1,7 @@
 //! The number elements of one frame, in either layout.
 
 use super::joint_order::JointOrder;
-use super::xml::Cursor;
+use super::xml::{Cursor, NamedChild};
 use super::{MmmError, MmmFault};
 use crate::motion::Frame;
 
@@ -40,7 +40,7 @@ impl<'o> FrameReader<'o> {
     ) -> Result<f64, MmmError> {
         let mut seen = 0_u32;
         let mut stamp_secs = [0.0];
-        while let Some((which, content)) = cursor.child_of(self.inside, self.elements)? {
+        while let Some(NamedChild { index: which, content }) = cursor.child_of(self.inside, self.elements)? {
             let element = self.elements[which];
             if seen & (1 << which) != 0 {
                 return Err(cursor.fault(MmmFault::Repeated { place: frame_place(index), element }));

@@ -46,10 +46,21 @@ const POWERS: [u64; EXACT_DIGITS + 1] = {
 ///
 /// With at most [`EXACT_DIGITS`] digits both the digits and the power of ten are exact, so their quotient is the
 /// correctly rounded value; `None` leaves everything else to [`any_number`].
-#[inline]
+#[expect(clippy::inline_always, reason = "a call per number costs a quarter of the speed")]
+#[inline(always)]
 fn simple_decimal(text: &[u8]) -> Option<(f64, usize)> {
     let negative = text[0] == b'-';
     let start = usize::from(negative);
+    // Most angles: one digit, the point, up to seven digits and white space.
+    if let Some(([whole @ b'0'..=b'9', b'.'], rest)) = text.get(start..)?.split_first_chunk()
+        && let Some(eight) = rest.first_chunk()
+    {
+        let (part, decimals) = leading_digits(u64::from_le_bytes(*eight));
+        if eight.get(decimals).is_some_and(u8::is_ascii_whitespace) {
+            let digits = u64::from(whole - b'0') * POWERS[decimals] + part;
+            return Some((scaled(digits, decimals, negative), start + 2 + decimals));
+        }
+    }
     let mut at = start;
     let mut value = 0;
     while let Some(byte @ b'0'..=b'9') = text.get(at) {
@@ -88,13 +99,19 @@ fn simple_decimal(text: &[u8]) -> Option<(f64, usize)> {
     if num_whole + decimals == 0 || !text.get(at).is_none_or(u8::is_ascii_whitespace) {
         return None;
     }
-    let magnitude = value.cast_signed() as f64 / POWERS[decimals].cast_signed() as f64;
+    Some((scaled(value, decimals, negative), at))
+}
+
+/// `digits / 10^decimals` with a sign; exact operands, so correctly rounded.
+#[inline]
+fn scaled(digits: u64, decimals: usize, negative: bool) -> f64 {
+    let magnitude = digits.cast_signed() as f64 / POWERS[decimals].cast_signed() as f64;
     // Signs follow no pattern, so setting the sign bit is cheaper than a branch.
-    let value = f64::from_bits(magnitude.to_bits() | u64::from(negative) << 63);
-    Some((value, at))
+    f64::from_bits(magnitude.to_bits() | u64::from(negative) << 63)
 }
 
 /// Value and number of the digits with which eight bytes (first byte lowest) begin.
+#[inline]
 fn leading_digits(bytes: u64) -> (u64, usize) {
     // A digit's byte becomes its value; any other byte gets a non-zero upper half, directly or after adding 6.
     // Carries of that addition run upwards only, so the lowest such byte is the first that is not a digit.

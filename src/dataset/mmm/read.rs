@@ -9,7 +9,7 @@ use super::frame::{
 use super::joint_order::{JointOrder, JointOrderError};
 use super::xml::Cursor;
 use super::{MmmError, MmmFault, MmmMotion, PLACEHOLDER_MASS_KG, clock};
-use crate::motion::{Body, Frame, Motion, MotionError, bounds};
+use crate::motion::{Body, Frame, Motion, MotionError, NUM_CHANNELS, bounds};
 
 const METRES_PER_MILLIMETRE: f64 = 1e-3;
 
@@ -144,9 +144,14 @@ impl Content {
                 cursor.skip()?;
                 continue;
             }
-            let index = self.frames.len();
+            let (index, before) = (self.frames.len(), cursor.remaining());
             let stamp_secs = reader.read(cursor, index, self.frame_mut(cursor, index)?)?;
             self.stamps_secs.push(stamp_secs);
+            if index == 0 {
+                // The other frames are about as long; one that is valid has at least a byte for each number.
+                let expected = cursor.remaining() / (before - cursor.remaining()).max(NUM_CHANNELS);
+                self.frames.reserve(expected);
+            }
         }
         self.order = order;
         Ok(())

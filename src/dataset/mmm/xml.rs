@@ -25,6 +25,14 @@ pub(super) enum Node<'a> {
     End,
 }
 
+/// A child element that was asked for by name.
+pub(super) struct NamedChild<'a> {
+    /// Index of its name among those asked for.
+    pub(super) index: usize,
+    /// Its text, if it has been passed as a whole; otherwise the element is open.
+    pub(super) content: Option<&'a [u8]>,
+}
+
 /// Position in an XML document.
 pub(super) struct Cursor<'a> {
     document: &'a [u8],
@@ -46,6 +54,11 @@ impl<'a> Cursor<'a> {
     pub(super) fn fault(&self, fault: impl Into<MmmFault>) -> MmmError {
         let position = (self.reader.buffer_position() as usize).min(self.document.len());
         MmmError { line: line_of(self.document, position), fault: fault.into() }
+    }
+
+    /// Bytes of the document that have not been read.
+    pub(super) fn remaining(&self) -> usize {
+        self.reader.get_ref().len()
     }
 
     /// The root element, which must have this name.
@@ -88,27 +101,26 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// The next child of `inside` that is one of `names`, by its index there, or `None` at the end of `inside`.
+    /// The next child of `inside` that is one of `names`, or `None` at the end of `inside`.
     ///
     /// Children with other names are skipped.
-    /// Where a child is as simple as `<Name>text</Name>`, it is passed as a whole and its content returned; otherwise it
-    /// is open.
+    /// Where a child is as simple as `<Name>text</Name>`, it is passed as a whole; otherwise it is opened.
     pub(super) fn child_of(
         &mut self,
         inside: &'static str,
         names: &[&str],
-    ) -> Result<Option<(usize, Option<&'a [u8]>)>, MmmError> {
+    ) -> Result<Option<NamedChild<'a>>, MmmError> {
         loop {
             let index_of = |found: &[u8]| names.iter().position(|name| name.as_bytes() == found);
             if let Some((name, content)) = self.simple_child() {
                 if let Some(index) = index_of(name) {
-                    return Ok(Some((index, Some(content))));
+                    return Ok(Some(NamedChild { index, content: Some(content) }));
                 }
                 continue;
             }
             let Some(start) = self.child_element(inside)? else { return Ok(None) };
             match index_of(start.name().as_ref().as_bytes()) {
-                Some(index) => return Ok(Some((index, None))),
+                Some(index) => return Ok(Some(NamedChild { index, content: None })),
                 None => self.skip()?,
             }
         }

@@ -2,7 +2,7 @@
 
 use csv::{ByteRecord, ReaderBuilder};
 
-use super::{TableError, channel_name, frame_from};
+use super::{TableError, channel_name};
 use crate::motion::{Frame, MotionError, NUM_CHANNELS, bounds, joint_index};
 
 /// Frames of a table separated by commas, semicolons, tabs or spaces, whichever the first line shows.
@@ -45,7 +45,7 @@ pub(super) fn parse_csv(bytes: &[u8]) -> Result<Vec<Frame>, TableError> {
                 found: crate::dataset::one_line(&String::from_utf8_lossy(field)),
             })?;
         }
-        frames.push(frame_from(&channels));
+        frames.push(Frame::from_channels(&channels));
     }
     Ok(frames)
 }

@@ -92,14 +92,10 @@ fn frames_of(array: &npy::Array<'_>) -> Result<Vec<Frame>, TableError> {
             Err(MotionError::TooLong { found: num_frames }.into())
         }
         [num_frames, NUM_CHANNELS] => Ok((0..num_frames)
-            .map(|frame| frame_from(&std::array::from_fn(|channel| array.at(frame, channel))))
+            .map(|frame| Frame::from_channels(&std::array::from_fn(|channel| array.at(frame, channel))))
             .collect()),
         _ => Err(TableError::Shape { found: shape_text(&array.shape) }),
     }
-}
-
-fn frame_from(channels: &[f64; NUM_CHANNELS]) -> Frame {
-    Frame::from_channels(channels)
 }
 
 /// `10 x 263`.
