@@ -29,6 +29,7 @@ mod recorder;
 #[cfg(feature = "rerun")]
 mod rerun;
 mod schemas;
+mod topics;
 mod view;
 
 #[cfg(feature = "rerun")]

@@ -14,7 +14,7 @@ use super::description::{Actor, viewer_urdf};
 use super::frames::{LinkFrames, REFERENCE_PREFIX};
 use super::messages::{self, Nanoseconds, Severity};
 use super::metrics::{BodyScale, SAMPLE_METRICS};
-use super::schemas::Schema;
+use super::topics::{TOPICS, Topic, offered_qos};
 use super::{RecordingError, START_TIME_NS};
 use crate::humanoid::Humanoid;
 use crate::plausibility::Score;
@@ -52,53 +52,6 @@ pub struct RecordingSummary<'a> {
     pub result_json: &'a str,
     /// The scores of the rollout, written as the metadata record `scores`.
     pub scores: &'a [Score],
-}
-
-/// A topic of a recording.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Topic {
-    RobotDescription,
-    ReferenceDescription,
-    Caption,
-    TfStatic,
-    Tf,
-    ReferenceTf,
-    JointStates,
-    ReferenceJointStates,
-    ContactPoints,
-    ContactWrench,
-    AssistWrench,
-    Metrics,
-    Rosout,
-}
-
-/// Name, type, and whether the topic's one message is kept for those who subscribe later ("transient local").
-const TOPICS: [(Topic, &str, Schema, bool); 13] = [
-    (Topic::RobotDescription, "/robot_description", Schema::Text, true),
-    (Topic::ReferenceDescription, "/reference/robot_description", Schema::Text, true),
-    (Topic::Caption, "/caption", Schema::Text, true),
-    (Topic::TfStatic, "/tf_static", Schema::Transforms, true),
-    (Topic::Tf, "/tf", Schema::Transforms, false),
-    (Topic::ReferenceTf, "/reference/tf", Schema::Transforms, false),
-    (Topic::JointStates, "/joint_states", Schema::JointState, false),
-    (Topic::ReferenceJointStates, "/reference/joint_states", Schema::JointState, false),
-    (Topic::ContactPoints, "/contact_points", Schema::PointCloud, false),
-    (Topic::ContactWrench, "/contact_wrench", Schema::Wrench, false),
-    (Topic::AssistWrench, "/assist_wrench", Schema::Wrench, false),
-    (Topic::Metrics, "/metrics", Schema::Metrics, false),
-    (Topic::Rosout, "/rosout", Schema::Log, false),
-];
-
-/// Quality of service of a topic in the form `ros2 bag` reads from MCAP files, with the policy names of ROS 2 Iron and newer.
-fn offered_qos(latched: bool) -> String {
-    let durability = if latched { "transient_local" } else { "volatile" };
-    let depth = if latched { 1 } else { 10 };
-    let forever = "\n    sec: 9223372036\n    nsec: 854775807";
-    format!(
-        "- history: keep_last\n  depth: {depth}\n  reliability: reliable\n  durability: {durability}\n  \
-         deadline:{forever}\n  lifespan:{forever}\n  liveliness: automatic\n  \
-         liveliness_lease_duration:{forever}\n  avoid_ros_namespace_conventions: false"
-    )
 }
 
 /// Time of a message about the instant `time_secs` of the motion.
@@ -373,13 +326,6 @@ fn open(file: File) -> mcap::McapResult<Writer<BufWriter<File>>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn topics_are_listed_in_the_order_of_their_numbers() {
-        for (index, (topic, ..)) in TOPICS.iter().enumerate() {
-            assert_eq!(*topic as usize, index, "{topic:?}");
-        }
-    }
 
     #[test]
     fn message_times_round_to_the_nanosecond_and_never_wrap() {
