@@ -1,6 +1,6 @@
 //! Case results as files and tables for people, and comparison with a baseline.
 //!
-//! In: [`CaseResult`]s, made by [`crate::harness`](../harness/index.html) or read from a run folder.
+//! In: [`CaseResult`]s, made by the harness or read from a run folder.
 //! Out: text. Every function here returns a string; the callers decide where it goes.
 //! Nothing here computes a score: removing this module changes no number.
 
