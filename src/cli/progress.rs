@@ -20,12 +20,7 @@ pub(super) struct Display {
 impl Display {
     pub(super) fn new(quiet: bool) -> Self {
         let watched = !quiet && std::io::stderr().is_terminal();
-        Self {
-            quiet,
-            bar: watched.then(ProgressBar::no_length),
-            num_cases: AtomicUsize::new(0),
-            num_done: AtomicUsize::new(0),
-        }
+        Self { quiet, bar: watched.then(bar), num_cases: AtomicUsize::new(0), num_done: AtomicUsize::new(0) }
     }
 
     /// Takes note; called from the worker threads.
@@ -35,12 +30,6 @@ impl Display {
                 self.num_cases.store(num_cases, Ordering::Relaxed);
                 if let Some(bar) = &self.bar {
                     bar.set_length(num_cases as u64);
-                    // The template is fixed and valid; without it the bar would only look different.
-                    if let Ok(style) =
-                        ProgressStyle::with_template("{bar:30} {pos}/{len} {eta} left  {wide_msg}")
-                    {
-                        bar.set_style(style);
-                    }
                     bar.tick();
                 }
             }
@@ -86,6 +75,15 @@ impl Display {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
+    }
+}
+
+fn bar() -> ProgressBar {
+    let bar = ProgressBar::no_length();
+    match ProgressStyle::with_template("{bar:30} {pos}/{len}  {elapsed} so far  {wide_msg}") {
+        Ok(style) => bar.with_style(style),
+        // The template is fixed and valid; without it the bar would only look different.
+        Err(_) => bar,
     }
 }
 

@@ -109,13 +109,14 @@ fn push_counts(text: &mut String, run: &Run) {
     };
     let _ = writeln!(
         text,
-        "\n{} cases{resumed}, {} failed, {} skipped; {:.1} s of motion in {:.1} s on {} threads",
+        "\n{} cases{resumed}, {} failed, {} skipped; {:.1} s of motion in {:.1} s on {} thread{}",
         results.cases.len(),
         results.num_failed(),
         results.skipped.len(),
         timings.motion_secs,
         timings.total_secs,
-        timings.threads
+        timings.threads,
+        if timings.threads == 1 { "" } else { "s" }
     );
     let _ = writeln!(text, "{}: {}", results.key.engine, results.key.signature);
 }

@@ -216,7 +216,8 @@ pub fn run(
         .zip(&case_timings)
         .filter(|(_, timing)| !timing.resumed)
         .map(|(case, _)| case.duration_secs)
-        .sum();
+        // Not `sum`, which gives a negative zero for nothing.
+        .fold(0.0, |total, secs| total + secs);
     let metrics = METRICS
         .iter()
         .filter(|metric| settings.levels.contains(&metric.level))

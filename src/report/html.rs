@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::case::{CaseResult, MetricRecord};
+use super::cell::cell;
 use super::markdown::{count, interval};
 use super::notes::{NoteKind, notes, remarks};
 use super::number::{compact, escape_html};
@@ -100,7 +101,7 @@ fn push_case(page: &mut String, case: &CaseResult, shown: &[(&MetricRecord, f64)
                     page,
                     "<td class=\"n\" title=\"{value}\">{}<svg width=\"60\" height=\"5\" aria-hidden=\"true\">\
                      <rect class=\"bar\" width=\"{width:.1}\" height=\"5\"/></svg>",
-                    compact(value)
+                    escape_html(&cell(case, &metric.key))
                 );
             }
             None => page.push_str("<td class=\"n\">-"),

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 
 use super::aggregate::Aggregate;
+use super::cell::cell;
 use super::notes::{notes, remarks};
 use super::number::{compact, escape_markdown};
 use super::ranking::worst_first;
@@ -52,8 +53,7 @@ fn write_cases(text: &mut String, results: &Results, keys: &[&str]) {
         let (id, caption) = (escape_markdown(&case.id), escape_markdown(case.caption()));
         let _ = write!(text, "| {id} | {caption} | {:.1} |", case.duration_secs);
         for metric in &shown {
-            let value = case.score(&metric.key).map_or_else(|| "-".to_owned(), compact);
-            let _ = write!(text, " {value} |");
+            let _ = write!(text, " {} |", cell(case, &metric.key));
         }
         let noted: Vec<String> = notes(case).into_iter().map(|note| escape_markdown(&note.text)).collect();
         let _ = writeln!(text, " {} |", noted.join(", "));

@@ -17,6 +17,7 @@ pub const KEY_METRICS: &[&str] = &[
 
 mod aggregate;
 mod case;
+mod cell;
 mod csv;
 mod html;
 mod markdown;

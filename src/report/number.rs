@@ -64,7 +64,8 @@ pub(super) fn escape_markdown(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for symbol in text.chars() {
         match symbol {
-            '|' | '\\' | '`' | '*' | '_' | '<' | '>' | '[' | ']' => {
+            // Not the underscore: inside a word, as in every metric key, it means nothing.
+            '|' | '\\' | '`' | '*' | '<' | '>' | '[' | ']' => {
                 let _ = write!(escaped, "\\{symbol}");
             }
             other if other.is_control() => escaped.push(' '),

@@ -4,8 +4,9 @@ use std::fmt::Write as _;
 
 use console::measure_text_width;
 
+use super::cell::cell;
 use super::notes::notes;
-use super::number::{compact, shorten};
+use super::number::shorten;
 use super::results::Results;
 
 /// Space between two columns.
@@ -138,7 +139,7 @@ pub fn results_table(results: &Results, keys: &[&str], width: usize) -> String {
     };
     let mut columns = vec![
         words("case", None, cases.iter().map(|case| shorten(&case.id, 48)).collect()),
-        words("caption", Some(12), cases.iter().map(|case| shorten(case.caption(), 40)).collect()),
+        words("caption", Some(12), cases.iter().map(|case| shorten(case.caption(), 28)).collect()),
         Column {
             heading: vec![String::new(), String::new(), "length".to_owned(), "s".to_owned()],
             align: Align::Right,
@@ -153,10 +154,7 @@ pub fn results_table(results: &Results, keys: &[&str], width: usize) -> String {
             heading: [&metric.level.to_string(), above, title, &metric.unit].map(str::to_owned).to_vec(),
             align: Align::Right,
             min_width: None,
-            cells: cases
-                .iter()
-                .map(|case| case.score(&metric.key).map_or_else(|| "-".to_owned(), compact))
-                .collect(),
+            cells: cases.iter().map(|case| cell(case, &metric.key)).collect(),
         });
     }
     let noted = cases.iter().map(|case| {

@@ -88,7 +88,11 @@ fn write_summaries(text: &mut String, comparison: &Comparison) {
             compact(summary.mean_before),
             compact(summary.mean_after),
             signed(summary.largest_change),
-            escape_markdown(&summary.most_changed_case)
+            if summary.largest_change == 0.0 {
+                "-".to_owned()
+            } else {
+                escape_markdown(&summary.most_changed_case)
+            }
         );
     }
 }
