@@ -47,7 +47,7 @@ fn standing(lift_m: f64) -> String {
 }
 
 /// A folder with one table that can be read.
-fn workplace() -> TempDir {
+fn empty_folder() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     fs::create_dir(folder.path().join("motions")).unwrap();
     fs::write(folder.path().join("motions/stand.csv"), standing(0.0)).unwrap();
@@ -62,7 +62,7 @@ fn kinematic_run(folder: &Path, out: &str) -> Output {
 
 #[test]
 fn wrong_usage_ends_with_two_and_says_why() {
-    let folder = workplace();
+    let folder = empty_folder();
     fs::write(folder.path().join("bad.toml"), "frictoin = 1.0\n").unwrap();
     let cases: [(&[&str], &str); 8] = [
         (&["--frobnicate"], "--frobnicate"),
@@ -84,7 +84,7 @@ fn wrong_usage_ends_with_two_and_says_why() {
 
 #[test]
 fn a_run_leaves_all_its_files_and_says_where() {
-    let folder = workplace();
+    let folder = empty_folder();
     let output = kinematic_run(folder.path(), "run");
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let text = stdout(&output);
@@ -109,7 +109,7 @@ fn a_run_leaves_all_its_files_and_says_where() {
 
 #[test]
 fn saved_settings_repeat_the_run_bit_for_bit() {
-    let folder = workplace();
+    let folder = empty_folder();
     assert_eq!(code(&kinematic_run(folder.path(), "first")), 0);
     let output = eval_sim(&["--config", "first/settings.toml", "--out", "second"], folder.path());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
@@ -121,7 +121,7 @@ fn saved_settings_repeat_the_run_bit_for_bit() {
 
 #[test]
 fn a_folder_is_continued_or_replaced_only_on_purpose() {
-    let folder = workplace();
+    let folder = empty_folder();
     assert_eq!(code(&kinematic_run(folder.path(), "run")), 0);
     let again = kinematic_run(folder.path(), "run");
     assert!(stderr(&again).contains("already finished"), "{}", stderr(&again));
@@ -135,7 +135,7 @@ fn a_folder_is_continued_or_replaced_only_on_purpose() {
 
 #[test]
 fn a_bad_input_is_skipped_by_name_and_ends_with_three() {
-    let folder = workplace();
+    let folder = empty_folder();
     fs::write(folder.path().join("motions/torn.csv"), "1,2,3\n").unwrap();
     let output = kinematic_run(folder.path(), "run");
     assert_eq!(code(&output), 3, "{}", stderr(&output));
@@ -145,7 +145,7 @@ fn a_bad_input_is_skipped_by_name_and_ends_with_three() {
 
 #[test]
 fn a_regression_ends_with_four() {
-    let folder = workplace();
+    let folder = empty_folder();
     let path = folder.path();
     assert_eq!(code(&kinematic_run(path, "good")), 0);
     let gate = |run: &str, more: &[&str]| {
@@ -177,7 +177,7 @@ fn a_regression_ends_with_four() {
 
 #[test]
 fn a_failed_case_ends_with_one_and_is_no_baseline() {
-    let folder = workplace();
+    let folder = empty_folder();
     let path = folder.path();
     assert_eq!(code(&kinematic_run(path, "run")), 0);
     let file = path.join("run/results.json");
@@ -191,7 +191,7 @@ fn a_failed_case_ends_with_one_and_is_no_baseline() {
 
 #[test]
 fn a_short_motion_is_simulated_recorded_and_can_be_watched() {
-    let folder = workplace();
+    let folder = empty_folder();
     let args = ["--motions", "motions", "--rate", "100", "--levels", "L0,L2", "--out", "run"];
     let output = eval_sim(&args, folder.path());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
