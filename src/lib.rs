@@ -58,6 +58,7 @@
 pub mod cli;
 pub mod dataset;
 pub mod dynamics;
+pub mod features;
 pub mod harness;
 pub mod humanoid;
 pub mod kinematics;

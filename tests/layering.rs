@@ -8,15 +8,18 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Top-level modules by rank; a module imports lower ranks only, never its own rank or above.
-const RANKS: [&[&str]; 11] = [
-    &["motion", "manifest"],
-    &["kinematics", "dataset"],
+const RANKS: [&[&str]; 14] = [
+    &["motion", "manifest", "mocap"],
+    &["kinematics"],
     &["robot"],
     &["humanoid"],
-    &["synthesis", "dynamics"],
-    &["simulation"],
-    &["plausibility"],
-    &["recording", "report"],
+    &["dynamics", "retarget"],
+    &["dataset"],
+    &["synthesis", "features"],
+    &["simulation", "model"],
+    &["plausibility", "training"],
+    &["translation", "recording", "report"],
+    &["evaluation"],
     &["harness"],
     &["cli"],
     &["bin"],

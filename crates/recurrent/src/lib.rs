@@ -1,0 +1,1 @@
+//! Fast LSTM sequences of mixed lengths on the CPU, forward and backward.

@@ -1,0 +1,12 @@
+//! What a model learns from: normalised motions, numbered words, and which of them belong together.
+//!
+//! In: checked [`crate::dataset`] samples, captions and word vectors. Out: a [`PreparedSet`], complete in itself, that training
+//! reads and that pins everything downstream by its fingerprint. No tensors here: batches are built by the training.
+
+mod action;
+mod prepared;
+mod vocabulary;
+
+pub use action::Normalizer;
+pub use prepared::{CaptionFeatures, MotionFeatures, Pair, PreparedSet, Split};
+pub use vocabulary::{BOS, EOS, Vocabulary};
