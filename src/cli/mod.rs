@@ -4,8 +4,10 @@
 //! Arguments become typed settings once, here; everything below takes values, not strings.
 
 mod exit;
+mod lint;
 mod metrics;
 mod output;
+mod prepare;
 mod progress;
 mod regress;
 mod resolve;
@@ -51,6 +53,10 @@ struct Rprae {
 enum Verb {
     /// Run motions through the simulator and score them; the same as `eval-sim`
     Sim(Box<sim::SimArgs>),
+    /// Turn motions, captions and word vectors into the folder that training reads
+    Prepare(Box<prepare::PrepareArgs>),
+    /// Check motions in milliseconds: units, axes, limits, jumps, sides, floor
+    Lint(lint::LintArgs),
     /// Compare a run with an accepted one; exit code 4 on a regression
     Regress(regress::RegressArgs),
     /// Print the commands that open the recordings of a run
@@ -74,6 +80,8 @@ pub fn rprae() -> ExitCode {
     let Rprae { verb } = Rprae::parse();
     finish(match verb {
         Verb::Sim(args) => sim::run(&args),
+        Verb::Prepare(args) => prepare::run(&args),
+        Verb::Lint(args) => lint::run(&args),
         Verb::Regress(args) => regress::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Urdf(args) => urdf::run(&args),
