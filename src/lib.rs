@@ -32,6 +32,7 @@
 //! [`dynamics`] finds the forces a motion takes, [`synthesis`] makes the motions of the bundled suite, and [`simulation`]
 //! lets the body move.
 //! [`plausibility`] turns motions and rollouts into scores, [`recording`] and [`report`] into files.
+//! [`canaries`] proves that the scores see faults.
 //! [`harness`] runs whole suites, [`manifest`] says what was run, and [`cli`] is what the programs are made of.
 //!
 //! # Example
@@ -55,6 +56,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod canaries;
 pub mod cli;
 pub mod dataset;
 pub mod dynamics;
