@@ -10,7 +10,7 @@ const FLOAT_M: f64 = 0.08;
 /// How far a sinking body is lowered, metres.
 const SINK_M: f64 = 0.05;
 /// Speed of a sliding body, m/s.
-const SLIDE_M_S: f64 = 0.3;
+const SLIDE_M_S: f64 = 0.6;
 /// Standard deviation of the jitter of the root, metres.
 const JITTER_M: f64 = 0.01;
 /// Angle of a leaning body, radians.
@@ -24,7 +24,7 @@ pub enum Fault {
     Float,
     /// The body is 5 cm deeper.
     Sink,
-    /// The body glides sideways at 0.3 m/s on top of its movement.
+    /// The body glides sideways at 0.6 m/s on top of its movement.
     Slide,
     /// The root trembles by 1 cm in every frame.
     Jitter,
@@ -252,7 +252,7 @@ mod tests {
         assert!(with(Fault::Frozen).frames().windows(2).all(|pair| pair[0] == pair[1]));
         let slid = channel(&with(Fault::Slide), 100);
         let way = Vector3::from(slid) - Vector3::from(channel(&clean, 100));
-        assert!((way.norm() - 0.3).abs() < 1e-9, "{way}");
+        assert!((way.norm() - 0.6).abs() < 1e-9, "{way}");
         let swapped = with(Fault::KneeSwap);
         let changed = |joint: usize| {
             swapped.frames()[3].joint_angles_rad[joint] != clean.frames()[3].joint_angles_rad[joint]

@@ -22,7 +22,7 @@ use serde::Serialize;
 
 use crate::humanoid::Humanoid;
 use crate::motion::{Motion, MotionError};
-use crate::plausibility::{METRICS, Score, inverse_windows, kinematic_windows, rollout_scores};
+use crate::plausibility::{METRICS, Metric, Score, inverse_windows, kinematic_windows, rollout_scores};
 use crate::robot::RobotError;
 use crate::simulation::{Level, Simulation, SimulationError, SimulationSettings};
 
@@ -90,6 +90,8 @@ pub struct Cell {
     pub num_values: [usize; 2],
     /// Number of motions behind the pairs.
     pub num_clips: usize,
+    /// Number of them whose mean is another one with the fault.
+    pub num_changed: usize,
 }
 
 /// The matrix and the verdicts on it.
@@ -161,8 +163,8 @@ pub fn run(
         .collect::<Result<_, _>>()?;
     let cells: Vec<Cell> = METRICS
         .iter()
-        .flat_map(|metric| Fault::ALL.map(|fault| (metric.key, metric.level, fault)))
-        .filter_map(|(metric, level, fault)| cell(&subjects, metric, level, fault))
+        .flat_map(|metric| Fault::ALL.map(|fault| (*metric, fault)))
+        .filter_map(|(metric, fault)| cell(&subjects, metric, fault))
         .collect();
     let names = |wanted: fn(&Subject) -> bool| {
         let kept = clips.iter().zip(&subjects).filter(|(_, subject)| wanted(subject));
@@ -182,6 +184,11 @@ pub fn run(
 fn subject(clip: &Clip, rollouts: Option<&SimulationSettings>, seed: u64) -> Result<Subject, CanaryError> {
     let humanoid = Humanoid::new(clip.motion.body())
         .map_err(|source| CanaryError::Robot { id: clip.id.clone(), source })?;
+    let clip = &whole_windows(clip).map_err(|source| CanaryError::Fault {
+        id: clip.id.clone(),
+        fault: Fault::TimeReversal,
+        source,
+    })?;
     let measured = |motion: &Motion| {
         measure(&humanoid, motion, rollouts)
             .map_err(|source| CanaryError::Simulation { id: clip.id.clone(), source })
@@ -224,6 +231,19 @@ fn subject(clip: &Clip, rollouts: Option<&SimulationSettings>, seed: u64) -> Res
     Ok(Subject { travels, clean, windows, faulty })
 }
 
+/// The clip cut to whole windows and one frame, so that its windows are the same ones played in reverse.
+///
+/// A clip shorter than a window stays as it is and has no window.
+fn whole_windows(clip: &Clip) -> Result<Clip, MotionError> {
+    let (motion, length) = (&clip.motion, (WINDOW_SECS * clip.motion.rate_hz()).round() as usize);
+    let num_windows = (motion.num_frames() - 1) / length.max(1);
+    if num_windows == 0 {
+        return Ok(clip.clone());
+    }
+    let frames = motion.frames()[..=num_windows * length].to_vec();
+    Ok(Clip { id: clip.id.clone(), motion: Motion::new(motion.body(), motion.rate_hz(), frames)? })
+}
+
 fn measure(
     humanoid: &Humanoid,
     motion: &Motion,
@@ -249,7 +269,13 @@ fn measure(
     Ok(Measured { values })
 }
 
-fn cell(subjects: &[Subject], metric: &'static str, level: Level, fault: Fault) -> Option<Cell> {
+/// Smallest difference that counts: solvers and the nine digits of the robot's file give no more.
+fn resolution(metric: &Metric) -> f64 {
+    if metric.unit.starts_with("mm") { 0.1 } else { 1.0e-3 }
+}
+
+fn cell(subjects: &[Subject], metric: &'static Metric, fault: Fault) -> Option<Cell> {
+    let level = metric.level;
     let (mut clean, mut faulty, mut pairs) = (Vec::new(), Vec::new(), Vec::new());
     for subject in subjects {
         let Some((_, measured)) = subject.faulty.iter().find(|(of, _)| *of == fault) else { continue };
@@ -263,7 +289,7 @@ fn cell(subjects: &[Subject], metric: &'static str, level: Level, fault: Fault) 
             }
         };
         let kept = |measured: &Measured, counts: &dyn Fn(usize) -> bool| -> Vec<f64> {
-            let row = measured.values.get(metric).map_or(&[][..], Vec::as_slice);
+            let row = measured.values.get(metric.key).map_or(&[][..], Vec::as_slice);
             row.iter()
                 .enumerate()
                 .filter(|(window, _)| counts(*window))
@@ -285,12 +311,17 @@ fn cell(subjects: &[Subject], metric: &'static str, level: Level, fault: Fault) 
         clean.extend(here);
         faulty.extend(with);
     }
+    if pairs.is_empty() {
+        return None;
+    }
+    let [larger, smaller] = roc::changed(&pairs, resolution(metric));
     Some(Cell {
-        metric,
+        metric: metric.key,
         fault,
         area: roc::area(&clean, &faulty)?,
-        paired: roc::paired(&pairs)?,
+        paired: 0.5 + (larger as f64 - smaller as f64) / (2.0 * pairs.len() as f64),
         num_values: [clean.len(), faulty.len()],
         num_clips: pairs.len(),
+        num_changed: larger + smaller,
     })
 }

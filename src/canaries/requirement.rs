@@ -25,7 +25,7 @@ pub enum Kind {
         /// Least of one less area and pairs.
         least: f64,
     },
-    /// The fault leaves the value alone: the area within this of one half.
+    /// The fault leaves the value alone: the area within this of one half, or no motion's mean changed at all.
     Silent {
         /// Largest distance from one half.
         most: f64,
@@ -65,7 +65,7 @@ const RESPONSES: [(&str, Fault, Kind); 12] = [
     ("l1/residual_force_gated", Fault::Slide, Kind::Larger { least: 0.9 }),
     ("l0/jitter", Fault::Jitter, Kind::Larger { least: 0.99 }),
     ("l1/residual_force", Fault::Jitter, Kind::Larger { least: 0.9 }),
-    ("l0/sole_tilt", Fault::Lean, Kind::Larger { least: 0.99 }),
+    ("l0/zmp_outside", Fault::Lean, Kind::Larger { least: 0.99 }),
     ("l0/dynamic_degree", Fault::Frozen, Kind::Smaller { least: 0.99 }),
     ("l0/zmp_outside", Fault::DoubleSpeed, Kind::Larger { least: 0.95 }),
     ("l1/residual_force_gated", Fault::KneeSwap, Kind::Larger { least: 0.95 }),
@@ -141,7 +141,9 @@ pub(super) fn judge(report: &Report, rollouts: bool) -> Vec<Verdict> {
                 (Kind::Smaller { least }, Some(cell)) => {
                     1.0 - cell.area >= least && 1.0 - cell.paired >= least
                 }
-                (Kind::Silent { most }, Some(cell)) => (cell.area - 0.5).abs() <= most,
+                (Kind::Silent { most }, Some(cell)) => {
+                    (cell.area - 0.5).abs() <= most || cell.num_changed == 0
+                }
                 (Kind::Silent { .. }, None) => true,
                 (Kind::Larger { .. } | Kind::Smaller { .. }, None) => false,
             };

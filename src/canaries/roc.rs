@@ -21,15 +21,16 @@ pub(super) fn area(clean: &[f64], faulty: &[f64]) -> Option<f64> {
     Some(total / (clean.len() * faulty.len()) as f64)
 }
 
-/// Share of pairs (clean, faulty) in which the faulty value is larger, equal ones counting half.
+/// Pairs (clean, faulty) in which the faulty value is larger, and in which it is smaller.
 ///
-/// Values within 1 % of the larger one, or within `1e-3` of each other, are equal: solvers stop at less than that.
-pub(super) fn paired(pairs: &[(f64, f64)]) -> Option<f64> {
-    let score = |&(clean, faulty): &(f64, f64)| {
-        let tolerance = (0.01 * clean.abs().max(faulty.abs())).max(1e-3);
-        if (faulty - clean).abs() <= tolerance { 0.5 } else { f64::from(u8::from(faulty > clean)) }
+/// Values within 1 % of the larger one, or within `resolution` of each other, are equal.
+pub(super) fn changed(pairs: &[(f64, f64)], resolution: f64) -> [usize; 2] {
+    let differ = |&&(clean, faulty): &&(f64, f64)| {
+        (faulty - clean).abs() > (0.01 * clean.abs().max(faulty.abs())).max(resolution)
     };
-    (!pairs.is_empty()).then(|| pairs.iter().map(score).sum::<f64>() / pairs.len() as f64)
+    let different = || pairs.iter().filter(differ);
+    let larger = different().filter(|(clean, faulty)| faulty > clean).count();
+    [larger, different().count() - larger]
 }
 
 #[cfg(test)]
@@ -47,8 +48,7 @@ mod tests {
 
     #[test]
     fn pairs_that_hardly_differ_are_equal() {
-        assert_eq!(paired(&[(1.0, 2.0), (1.0, 1.005), (5.0, 1.0), (0.0, 0.0005)]), Some(0.5));
-        assert_eq!(paired(&[(1.0, 2.0), (3.0, 4.0)]), Some(1.0));
-        assert_eq!(paired(&[]), None);
+        assert_eq!(changed(&[(1.0, 2.0), (1.0, 1.005), (5.0, 1.0), (0.0, 0.0005)], 1e-3), [1, 1]);
+        assert_eq!(changed(&[(1.0, 2.0), (3.0, 4.0), (0.0, 0.05)], 0.1), [2, 0]);
     }
 }
