@@ -33,6 +33,7 @@
 //! lets the body move.
 //! [`plausibility`] turns motions and rollouts into scores, [`recording`] and [`report`] into files.
 //! [`lint`] checks motions without moving them, and [`features`] prepares them for learning.
+//! [`canaries`] proves that the scores see faults.
 //! [`harness`] runs whole suites, [`manifest`] says what was run, and [`cli`] is what the programs are made of.
 //!
 //! # Example
@@ -56,6 +57,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod canaries;
 pub mod cli;
 pub mod dataset;
 pub mod dynamics;

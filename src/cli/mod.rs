@@ -3,6 +3,7 @@
 //! In: arguments. Out: tables and paths on standard output, progress and complaints on standard error, and an [`Exit`].
 //! Arguments become typed settings once, here; everything below takes values, not strings.
 
+mod canaries;
 mod exit;
 mod lint;
 mod metrics;
@@ -63,8 +64,10 @@ enum Verb {
     View(view::ViewArgs),
     /// Write the URDF of the humanoid for a height and mass
     Urdf(urdf::UrdfArgs),
-    /// List the metrics, or explain one
+    /// List the metrics, or explain one, or print all of one name side by side for motions
     Metrics(metrics::MetricsArgs),
+    /// Put faults into clean motions and see which metric sees which; exit code 1 when a required answer is missing
+    Canaries(canaries::CanariesArgs),
 }
 
 /// Runs `eval-sim` with the arguments of the process.
@@ -86,6 +89,7 @@ pub fn rprae() -> ExitCode {
         Verb::View(args) => view::run(&args),
         Verb::Urdf(args) => urdf::run(&args),
         Verb::Metrics(args) => metrics::run(&args),
+        Verb::Canaries(args) => canaries::run(&args),
     })
 }
 
