@@ -8,6 +8,7 @@ mod jumps;
 mod resample;
 pub mod skeleton;
 
+pub(crate) use resample::closest_turns;
 pub use jumps::{JUMP_SPEED_RAD_S, Jump, MAX_EXCURSION_SECS, filter_jumps, find_jumps};
 pub use skeleton::{JOINTS, JointInfo, NUM_CHANNELS, NUM_JOINTS, joint_index};
 
