@@ -22,7 +22,8 @@ pub fn read_amc(bytes: &[u8], skeleton: &AsfSkeleton) -> Result<Clip, MocapError
     let mut radians_per_angle = 1.0_f64.to_radians();
     let mut given = vec![true; skeleton.joints.len()];
     let (mut num_frames, mut last_line) = (0, 0);
-    let check_complete = |given: &[bool], num_frames: usize, line| match given.iter().position(|given| !given) {
+    let check_complete = |given: &[bool], num_frames: usize, line| match given.iter().position(|given| !given)
+    {
         Some(joint) => Err(MocapError {
             line,
             fault: MocapFault::MissingBone {
@@ -93,10 +94,5 @@ pub fn read_amc(bytes: &[u8], skeleton: &AsfSkeleton) -> Result<Clip, MocapError
         });
     }
     check_complete(&given, num_frames, last_line)?;
-    Ok(Clip {
-        joints: skeleton.joints.clone(),
-        num_frames,
-        rate_hz: None,
-        values: Values::Channels(values),
-    })
+    Ok(Clip { joints: skeleton.joints.clone(), num_frames, rate_hz: None, values: Values::Channels(values) })
 }

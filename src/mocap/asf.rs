@@ -133,9 +133,9 @@ impl Reader {
         } else if first.is("orientation") {
             let angles: [f64; 3] = words.numbers("three angles")?;
             if angles != [0.0; 3] {
-                return Err(first.error(MocapFault::Unsupported {
-                    what: "a root that is turned at rest".to_owned(),
-                }));
+                return Err(
+                    first.error(MocapFault::Unsupported { what: "a root that is turned at rest".to_owned() })
+                );
             }
         }
         Ok(())
@@ -183,10 +183,11 @@ impl Reader {
             let angles = words.numbers::<3>("three angles")?.map(|angle| angle * self.radians_per_angle);
             let order = axis_order(words.expect("an order of axes")?)?;
             // The first axis of the order acts first, so it stands last in the product.
-            bone.axes = order.iter().rev().zip(angles.iter().rev()).fold(
-                UnitQuaternion::identity(),
-                |product, (axis, &angle)| product * rotation(*axis, angle),
-            );
+            bone.axes = order
+                .iter()
+                .rev()
+                .zip(angles.iter().rev())
+                .fold(UnitQuaternion::identity(), |product, (axis, &angle)| product * rotation(*axis, angle));
         } else if first.is("dof") {
             bone.channels = channels(words)?;
         }

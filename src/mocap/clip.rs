@@ -109,7 +109,9 @@ impl Clip {
             Values::Centres(centres) => {
                 let count = self.joints.len();
                 let centres = &centres[frame * count..][..count];
-                poses.extend(centres.iter().map(|&centre| Isometry3::from(Translation3::from(Vector3::from(centre)))));
+                poses.extend(
+                    centres.iter().map(|&centre| Isometry3::from(Translation3::from(Vector3::from(centre)))),
+                );
             }
             Values::Channels(values) => {
                 let num_channels = values.len() / self.num_frames;

@@ -74,8 +74,10 @@ impl<'a> Words<'a> {
     /// The next word, which must be there.
     pub(super) fn expect(&mut self, expected: &str) -> Result<Word<'a>, MocapError> {
         let line = self.line;
-        self.next()
-            .ok_or_else(|| MocapError { line, fault: MocapFault::Truncated { expected: expected.to_owned() } })
+        self.next().ok_or_else(|| MocapError {
+            line,
+            fault: MocapFault::Truncated { expected: expected.to_owned() },
+        })
     }
 
     /// The next word, which must be this one.

@@ -50,15 +50,30 @@ pub enum OneOrMore {
     One(String),
     /// The middle of several joints.
     More(Vec<String>),
+    /// A point on the line through two joints, where the joint itself is missing.
+    Between(Between),
+}
+
+/// `from + at * (to - from)`.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Between {
+    /// Joint at 0.
+    pub from: String,
+    /// Joint at 1.
+    pub to: String,
+    /// Place on the line, -2 to 3.
+    pub at: f64,
 }
 
 impl OneOrMore {
-    /// The names.
+    /// The joints and how much each counts; the shares add up to one.
     #[must_use]
-    pub fn names(&self) -> &[String] {
+    pub fn shares(&self) -> Vec<(&str, f64)> {
         match self {
-            Self::One(name) => std::slice::from_ref(name),
-            Self::More(names) => names,
+            Self::One(name) => vec![(name, 1.0)],
+            Self::More(names) => names.iter().map(|name| (name.as_str(), 1.0 / names.len() as f64)).collect(),
+            Self::Between(Between { from, to, at }) => vec![(from, 1.0 - at), (to, *at)],
         }
     }
 }
@@ -100,7 +115,11 @@ impl TryFrom<AxisText> for AxisVector {
                     "x" => Vector3::x() * sign,
                     "y" => Vector3::y() * sign,
                     "z" => Vector3::z() * sign,
-                    _ => return Err(format!("{name:?} is no axis: expected x, -x, y, -y, z, -z or three numbers")),
+                    _ => {
+                        return Err(format!(
+                            "{name:?} is no axis: expected x, -x, y, -y, z, -z or three numbers"
+                        ));
+                    }
                 }
             }
             AxisText::Vector(components) => Vector3::from(*components),
@@ -173,8 +192,11 @@ impl Correspondence {
             return Err(CorrespondenceError::MissingRoles { roles: missing });
         }
         for (role, joints) in &self.joints {
-            if joints.names().is_empty() {
+            if joints.shares().is_empty() {
                 return fault(&format!("joints.{}", role.name()), "names no joint");
+            }
+            if !joints.shares().iter().all(|(_, share)| (-2.0..=3.0).contains(share)) {
+                return fault(&format!("joints.{}", role.name()), "lies outside -2 to 3 on its line");
             }
         }
         if self.up.0.dot(&self.forward.0).abs() > 1e-6 {
@@ -201,7 +223,7 @@ impl Correspondence {
 
     /// Names of all joints it speaks of.
     pub(super) fn joint_names(&self) -> impl Iterator<Item = &str> {
-        let roles = self.joints.values().flat_map(|joints| joints.names().iter().map(String::as_str));
+        let roles = self.joints.values().flat_map(|joints| joints.shares()).map(|(name, _)| name);
         roles.chain(self.orientations.values().map(|orientation| orientation.joint.as_str()))
     }
 

@@ -5,7 +5,9 @@
 //! Nothing is read from files here, and physics is not consulted.
 
 mod correspondence;
+mod hold;
 mod library;
+mod low_pass;
 mod quality;
 mod role;
 mod size;
@@ -118,7 +120,10 @@ pub fn retarget(
         Some(rate_hz) => rate_hz,
         None => {
             let rate_hz = correspondence.rate_hz.ok_or(RetargetError::NoRate)?;
-            notes.push(format!("no rate is given; {rate_hz} Hz is assumed, as {} has it", correspondence.name));
+            notes.push(format!(
+                "no rate is given; {rate_hz} Hz is assumed, as {} has it",
+                correspondence.name
+            ));
             rate_hz
         }
     };
@@ -131,9 +136,17 @@ pub fn retarget(
     let mut body = Body::with_default_mass(source.height_m);
     body.mass_kg = options.mass_kg.unwrap_or(body.mass_kg);
     let humanoid = Humanoid::new(body)?;
-    let plan = Plan::new(&humanoid, &source, correspondence, &proportions);
-    let poses = track::track(&humanoid, &source, &plan);
+    let mut plan = Plan::new(&humanoid, &source, correspondence, &proportions);
+    let poses = track::track(&humanoid, &source, &mut plan);
     let motion = motion_of(&humanoid, &poses, rate_hz)?;
+    // An arm that circles changes sides somewhere (see `track`): the change is spread over some frames.
+    let (motion, jumps) = crate::motion::filter_jumps(&motion);
+    if !jumps.is_empty() {
+        notes.push(format!(
+            "{} jumps of a joint between two frames, where limits leave no way round, were spread",
+            jumps.len()
+        ));
+    }
     let quality = Quality::of(&humanoid, &motion, &source, &plan);
     if !(quality.pose_median_m <= LARGEST_RESIDUAL_M) {
         return Err(RetargetError::Residual { residual_m: quality.pose_median_m });

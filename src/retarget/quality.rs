@@ -2,11 +2,11 @@
 
 use nalgebra::{Isometry3, Vector3};
 
+use super::Role;
 use super::role::{NUM_ROLES, ROLES};
 use super::source::{Source, SourceFrame};
-use super::stance::quantile;
+use super::stance::{FootPaths, Stance, quantile, speeds};
 use super::target::Plan;
-use super::Role;
 use crate::humanoid::{Humanoid, Side};
 use crate::motion::{JOINTS, Motion, NUM_JOINTS};
 
@@ -64,10 +64,12 @@ pub struct Quality {
     pub stance_height_m: Option<[f64; 2]>,
     /// Median speed of the lowest sole points in flat stance, metres per second.
     pub stance_slip_m_s: Option<f64>,
+    /// Median speed of the source's ankles in the same frames, metres per second.
+    pub source_slip_m_s: Option<f64>,
     /// Length of our root's horizontal path over that of the source; `None` when the source travels less than 0.5 m.
     pub travel_ratio: Option<f64>,
-    /// Largest change of an angle between two frames, radians per second.
-    pub fastest_rad_s: f64,
+    /// Largest change of an angle between two frames, radians per second, and the joint's name.
+    pub fastest_rad_s: (f64, &'static str),
 }
 
 /// Bones that are looked at: name, from, to.
@@ -99,6 +101,9 @@ const TREE: [(Role, Role); 13] = [
     (Role::LeftWrist, Role::LeftElbow),
     (Role::RightWrist, Role::RightElbow),
 ];
+
+/// Toe and ankle of both feet.
+const FEET: [(Role, Role); 2] = [(Role::LeftToe, Role::LeftAnkle), (Role::RightToe, Role::RightAnkle)];
 
 impl Quality {
     pub(super) fn of(humanoid: &Humanoid, motion: &Motion, source: &Source, plan: &Plan) -> Self {
@@ -137,7 +142,10 @@ impl Quality {
             contact_agreement: measured.agreement,
             stance_height_m: (!measured.stance_heights.is_empty())
                 .then(|| [quantile(&measured.stance_heights, 0.5), quantile(&measured.stance_heights, 0.95)]),
-            stance_slip_m_s: (!measured.stance_slips.is_empty()).then(|| quantile(&measured.stance_slips, 0.5)),
+            stance_slip_m_s: (!measured.stance_slips.is_empty())
+                .then(|| quantile(&measured.stance_slips, 0.5)),
+            source_slip_m_s: (!measured.source_slips.is_empty())
+                .then(|| quantile(&measured.source_slips, 0.5)),
             travel_ratio: travel_ratio(motion, source),
             fastest_rad_s: fastest(motion),
         }
@@ -152,6 +160,7 @@ struct Measured {
     bones: Vec<Vec<f64>>,
     stance_heights: Vec<f64>,
     stance_slips: Vec<f64>,
+    source_slips: Vec<f64>,
     agreement: f64,
 }
 
@@ -168,13 +177,26 @@ impl Measured {
             bones: vec![Vec::new(); BONES.len()],
             ..Self::default()
         };
+        let stance = plan.stance();
         let mut poses = Vec::new();
         let mut soles_before: Vec<Vector3<f64>> = Vec::new();
-        let mut agreeing = 0_usize;
+        let mut paths = FootPaths { toes: [Vec::new(), Vec::new()], ankles: [Vec::new(), Vec::new()] };
         for (index, (frame, own)) in source.frames.iter().zip(motion.frames()).enumerate() {
-            tree.forward_into(&own.world_from_root(), &humanoid.tree_angles(&own.joint_angles_rad), &mut poses);
+            tree.forward_into(
+                &own.world_from_root(),
+                &humanoid.tree_angles(&own.joint_angles_rad),
+                &mut poses,
+            );
             let ours = |role: Role| poses[links[role.index()]].translation.vector;
             let scaled = lengths.scaled(frame, &own.world_from_root());
+            if std::env::var("DBG").is_ok_and(|v| !v.is_empty()) {
+                let r = own.world_from_root_rotation();
+                let yaw = nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, own.root_rotation_rad[2]);
+                for role in Role::all().filter(|role| ROLES[role.index()].required) {
+                    let d = yaw.inverse() * (ours(role) - frame.centre(role));
+                    eprintln!("DBG {} {:.4} {:.4} {:.4}", role.name(), d.x, d.y, d.z);
+                }
+            }
             for role in Role::all().filter(|role| ROLES[role.index()].required) {
                 let (theirs, index) = (frame.centre(role), role.index());
                 measured.raw[index].push((ours(role) - theirs).norm());
@@ -187,13 +209,15 @@ impl Measured {
             }
             let soles: Vec<Vector3<f64>> =
                 humanoid.sole_points_in_world(&poses).map(|point| point.coords).collect();
+            for (foot, (toe, ankle)) in FEET.into_iter().enumerate() {
+                paths.toes[foot].push(ours(toe));
+                paths.ankles[foot].push(ours(ankle));
+            }
             for (foot, side) in [Side::Left, Side::Right].into_iter().enumerate() {
-                let points =
-                    || soles.iter().enumerate().filter(|(point, _)| humanoid.sole_points[*point].side == side);
+                let points = || {
+                    soles.iter().enumerate().filter(|(point, _)| humanoid.sole_points[*point].side == side)
+                };
                 let Some((lowest, point)) = points().min_by(|a, b| a.1.z.total_cmp(&b.1.z)) else { continue };
-                let stance = plan.stance();
-                let stands = point.z < 0.03;
-                agreeing += usize::from(stands == stance.stands[index][foot]);
                 if stance.flat[index][foot] {
                     measured.stance_heights.push(point.z.abs());
                     if let Some(before) = soles_before.get(lowest) {
@@ -203,7 +227,16 @@ impl Measured {
             }
             soles_before = soles;
         }
+        let own = Stance::of(&paths, motion.rate_hz());
+        let pairs = own.stands.iter().zip(&stance.stands);
+        let agreeing: usize = pairs.map(|(a, b)| usize::from(a[0] == b[0]) + usize::from(a[1] == b[1])).sum();
         measured.agreement = agreeing as f64 / (2 * source.frames.len()) as f64;
+        let theirs = source.foot_paths();
+        for foot in 0..2 {
+            let speeds = speeds(&theirs.ankles[foot], source.rate_hz);
+            let flat = speeds.iter().zip(&stance.flat).filter(|(_, flat)| flat[foot]);
+            measured.source_slips.extend(flat.map(|(speed, _)| *speed));
+        }
         measured
     }
 }
@@ -231,12 +264,14 @@ impl Lengths {
     fn scaled(&self, frame: &SourceFrame, world_from_root: &Isometry3<f64>) -> [Vector3<f64>; NUM_ROLES] {
         let mut scaled = [Vector3::zeros(); NUM_ROLES];
         let root = world_from_root.translation.vector;
-        let across = (frame.centre(Role::RightHip) - frame.centre(Role::LeftHip)).normalize() * self.half_hips;
+        let across =
+            (frame.centre(Role::RightHip) - frame.centre(Role::LeftHip)).normalize() * self.half_hips;
         scaled[Role::LeftHip.index()] = root - across;
         scaled[Role::RightHip.index()] = root + across;
         scaled[Role::Neck.index()] = root + (frame.centre(Role::Neck) - frame.pelvis()) * self.trunk_ratio;
         for ((to, from), length) in TREE.iter().zip(self.bones) {
-            let bone = (frame.centre(*to) - frame.centre(*from)).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
+            let bone =
+                (frame.centre(*to) - frame.centre(*from)).try_normalize(1e-9).unwrap_or_else(Vector3::zeros);
             scaled[to.index()] = scaled[from.index()] + bone * length;
         }
         scaled
@@ -277,10 +312,15 @@ fn travel_ratio(motion: &Motion, source: &Source) -> Option<f64> {
     (theirs >= 0.5).then(|| length(&ours) / theirs)
 }
 
-fn fastest(motion: &Motion) -> f64 {
-    let frames = motion.frames();
-    let changes = frames.windows(2).flat_map(|pair| {
-        pair[0].joint_angles_rad.iter().zip(&pair[1].joint_angles_rad).map(|(a, b)| (a - b).abs())
-    });
-    changes.fold(0.0, f64::max) * motion.rate_hz()
+fn fastest(motion: &Motion) -> (f64, &'static str) {
+    let mut fastest = (0.0, JOINTS[0].short_name());
+    for pair in motion.frames().windows(2) {
+        for (joint, (a, b)) in pair[0].joint_angles_rad.iter().zip(&pair[1].joint_angles_rad).enumerate() {
+            let speed = (a - b).abs() * motion.rate_hz();
+            if speed > fastest.0 {
+                fastest = (speed, JOINTS[joint].short_name());
+            }
+        }
+    }
+    fastest
 }

@@ -74,6 +74,7 @@ pub(super) fn height_m(frames: &[SourceFrame], proportions: &Proportions) -> Opt
     let leg = proportions.thigh + proportions.shank;
     let ours = [proportions.shank, leg, leg + proportions.shoulders, leg + proportions.neck];
     let theirs = [shank, shank + thigh, shank + thigh + shoulders, shank + thigh + neck];
-    let sum = |product: &dyn Fn(usize) -> f64| (0..4).map(|index| WEIGHTS[index] * product(index)).sum::<f64>();
+    let sum =
+        |product: &dyn Fn(usize) -> f64| (0..4).map(|index| WEIGHTS[index] * product(index)).sum::<f64>();
     Some(sum(&|index| ours[index] * theirs[index]) / sum(&|index| ours[index] * ours[index]))
 }

@@ -135,7 +135,13 @@ impl<'a> Solver<'a> {
     }
 
     /// Moves `pose` to the nearest minimum of the cost in at most `max_steps` steps; returns the cost, square metres.
-    pub(super) fn solve(&mut self, pose: &mut Pose, targets: &[Target], prior: &Prior, max_steps: usize) -> f64 {
+    pub(super) fn solve(
+        &mut self,
+        pose: &mut Pose,
+        targets: &[Target],
+        prior: &Prior,
+        max_steps: usize,
+    ) -> f64 {
         let mut cost = self.cost(pose, targets, prior);
         let mut damping = FIRST_DAMPING;
         for _ in 0..max_steps {
@@ -181,9 +187,12 @@ impl<'a> Solver<'a> {
             let link = &self.poses[task.link];
             cost += target.weight
                 * match task.kind {
-                    Kind::Point => (link.rotation * task.local + link.translation.vector - target.value).norm_squared(),
+                    Kind::Point => {
+                        (link.rotation * task.local + link.translation.vector - target.value).norm_squared()
+                    }
                     Kind::Direction => {
-                        DIRECTION_LENGTH_M.powi(2) * (link.rotation * task.local - target.value).norm_squared()
+                        DIRECTION_LENGTH_M.powi(2)
+                            * (link.rotation * task.local - target.value).norm_squared()
                     }
                 };
         }
@@ -266,7 +275,8 @@ impl<'a> Solver<'a> {
         }
         for angle in 0..NUM_JOINTS {
             let (value, slope) = (pose.angles[angle], self.gradient[6 + angle]);
-            let held = (value <= self.lower[angle] && slope > 0.0) || (value >= self.upper[angle] && slope < 0.0);
+            let held =
+                (value <= self.lower[angle] && slope > 0.0) || (value >= self.upper[angle] && slope < 0.0);
             if held {
                 let index = 6 + angle;
                 for other in 0..SIZE {
@@ -281,7 +291,10 @@ impl<'a> Solver<'a> {
         factor.solve_mut(&mut right);
         // A step longer than this leaves the range in which the linearisation means anything.
         let longest = right.amax();
-        right.iter().all(|value| value.is_finite()).then(|| if longest > 0.5 { right * (0.5 / longest) } else { right })
+        right
+            .iter()
+            .all(|value| value.is_finite())
+            .then(|| if longest > 0.5 { right * (0.5 / longest) } else { right })
     }
 
     fn moved(&self, pose: &Pose, step: &SVector<f64, SIZE>) -> Pose {

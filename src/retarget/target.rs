@@ -13,6 +13,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+use super::hold::{Corrections, ground_feet, hold_flat_feet};
 use super::role::{NUM_ORIENTED, ORIENTED, Segment};
 use super::size::Proportions;
 use super::solver::{Kind, Target, Task};
@@ -28,6 +29,8 @@ const ANKLE_WEIGHT: f64 = 10.0;
 const LEVEL_WEIGHT: f64 = 0.3;
 /// Largest turn by which the standing soles of a source are levelled, radians.
 const LARGEST_LEVELLING_RAD: f64 = 0.35;
+/// A sole turned further than this does not stand, whatever height and speed say, radians.
+const NOT_STANDING_RAD: f64 = 0.8;
 /// Largest difference between the heights of the two ankles in stance that is taken for a matter of the source's feet;
 /// a larger one is a step of the floor, metres.
 const LARGEST_STEP_M: f64 = 0.05;
@@ -120,16 +123,25 @@ pub(super) struct Plan {
     /// Turns the source's foot axes so that its standing sole is level (left, right).
     levelling: [UnitQuaternion<f64>; 2],
     stance: Stance,
+    corrections: Corrections,
     ankle_height_m: f64,
     /// Height of the standing ankle in the source, per foot and for both.
     source_ankles_m: [f64; 2],
     source_ankle_m: f64,
     leg_ratio: f64,
+    same_body: bool,
     pub notes: Vec<String>,
 }
 
-const PELVIS_TASK: usize = 0;
-const ANKLE_TASKS: [usize; 2] = [1, 2];
+/// Joints that should also be near the source's, moved with the pelvis: link, role, weight.
+///
+/// With other proportions direction and place contradict each other; hands then give up some of either.
+const REACHES: [(&str, Role, f64); 4] = [
+    ("left_forearm", Role::LeftElbow, 0.4),
+    ("right_forearm", Role::RightElbow, 0.4),
+    ("left_hand", Role::LeftWrist, 0.4),
+    ("right_hand", Role::RightWrist, 0.4),
+];
 
 impl Plan {
     pub(super) fn new(
@@ -144,25 +156,33 @@ impl Plan {
         let at_rest = humanoid.forward(&crate::motion::Frame::ZERO);
         let point = |name| Task { link: link(name), kind: Kind::Point, local: Vector3::zeros() };
         let mut plan = Self {
-            tasks: vec![point("pelvis"), point("left_foot"), point("right_foot")],
+            tasks: ["pelvis", "left_foot", "right_foot"]
+                .into_iter()
+                .chain(REACHES.map(|(link, _, _)| link))
+                .map(point)
+                .collect(),
             bones: Vec::new(),
             axes: Vec::new(),
             levels: [None; 2],
             levelling: [UnitQuaternion::identity(); 2],
-            stance: Stance::of(source),
+            corrections: vec![[Vector3::zeros(); 2]; source.frames.len()],
+            stance: Stance::of(&source.foot_paths(), source.rate_hz),
             ankle_height_m: proportions.ankle * humanoid.body.height_m,
             source_ankles_m: [0.0; 2],
             source_ankle_m: 0.0,
             leg_ratio: leg_ratio(humanoid, source, proportions),
+            same_body: correspondence.same_body,
             notes: Vec::new(),
         };
         plan.find_floor(correspondence);
         if !correspondence.same_body {
+            hold_flat_feet(source, &plan.stance, &mut plan.corrections);
             plan.level_soles(source);
         }
 
         for (index, bone) in BONES.iter().enumerate() {
-            let oriented = bone.instead.is_some_and(|segment| correspondence.orientations.contains_key(&segment));
+            let oriented =
+                bone.instead.is_some_and(|segment| correspondence.orientations.contains_key(&segment));
             let known = |role: Role| source.has[role.index()];
             if bone.weight == 0.0 || oriented || !known(bone.from) || !known(bone.to) {
                 continue;
@@ -252,6 +272,9 @@ impl Plan {
             let floor = Vector3::new(median(0), median(1), median(2));
             let Some(turn) = UnitQuaternion::rotation_between(&floor, &Vector3::z()) else { continue };
             let angle = turn.angle();
+            if angle > NOT_STANDING_RAD {
+                continue;
+            }
             if angle <= LARGEST_LEVELLING_RAD {
                 self.levelling[foot] = turn;
             } else {
@@ -263,6 +286,18 @@ impl Plan {
                     LARGEST_LEVELLING_RAD.to_degrees()
                 ));
             }
+        }
+    }
+
+    /// Brings the standing soles of these poses to the floor when targets are filled again.
+    pub(super) fn ground_feet(
+        &mut self,
+        humanoid: &Humanoid,
+        rate_hz: f64,
+        poses: impl Iterator<Item = Vec<nalgebra::Isometry3<f64>>>,
+    ) {
+        if !self.same_body {
+            ground_feet(humanoid, rate_hz, &self.stance, poses, &mut self.corrections);
         }
     }
 
@@ -289,9 +324,13 @@ impl Plan {
         for (foot, role) in [Role::LeftAnkle, Role::RightAnkle].into_iter().enumerate() {
             let mut value = frame.centre(role);
             value.z += self.ankle_height_m - self.source_ankles_m[foot];
+            value += self.corrections[index][foot];
             targets.push(Target { value, weight: ANKLE_WEIGHT });
         }
-        debug_assert_eq!(targets.len(), ANKLE_TASKS[1] + 1 + PELVIS_TASK);
+        let shift = self.pelvis(frame) - frame.pelvis();
+        for (_, role, weight) in &REACHES {
+            targets.push(Target { value: frame.centre(*role) + shift, weight: *weight });
+        }
         for &(bone, weight) in &self.bones {
             let bone = &BONES[bone];
             // The lower trunk begins in the middle between the hips.
