@@ -9,6 +9,7 @@ mod output;
 mod progress;
 mod regress;
 mod resolve;
+mod retarget;
 mod sim;
 mod summary;
 mod urdf;
@@ -51,6 +52,8 @@ struct Rprae {
 enum Verb {
     /// Run motions through the simulator and score them; the same as `eval-sim`
     Sim(Box<sim::SimArgs>),
+    /// Make motions of the humanoid from motion capture: BVH, ASF/AMC, joint positions
+    Retarget(retarget::RetargetArgs),
     /// Compare a run with an accepted one; exit code 4 on a regression
     Regress(regress::RegressArgs),
     /// Print the commands that open the recordings of a run
@@ -74,6 +77,7 @@ pub fn rprae() -> ExitCode {
     let Rprae { verb } = Rprae::parse();
     finish(match verb {
         Verb::Sim(args) => sim::run(&args),
+        Verb::Retarget(args) => retarget::run(&args),
         Verb::Regress(args) => regress::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Urdf(args) => urdf::run(&args),

@@ -68,6 +68,8 @@ pub struct Quality {
     pub source_slip_m_s: Option<f64>,
     /// Length of our root's horizontal path over that of the source; `None` when the source travels less than 0.5 m.
     pub travel_ratio: Option<f64>,
+    /// Vertical distance by which the clip was moved to stand on the floor, metres.
+    pub ground_shift_m: f64,
     /// Largest change of an angle between two frames, radians per second, and the joint's name.
     pub fastest_rad_s: (f64, &'static str),
 }
@@ -147,6 +149,7 @@ impl Quality {
             source_slip_m_s: (!measured.source_slips.is_empty())
                 .then(|| quantile(&measured.source_slips, 0.5)),
             travel_ratio: travel_ratio(motion, source),
+            ground_shift_m: plan.ground_shift_m(),
             fastest_rad_s: fastest(motion),
         }
     }
@@ -189,14 +192,6 @@ impl Measured {
             );
             let ours = |role: Role| poses[links[role.index()]].translation.vector;
             let scaled = lengths.scaled(frame, &own.world_from_root());
-            if std::env::var("DBG").is_ok_and(|v| !v.is_empty()) {
-                let r = own.world_from_root_rotation();
-                let yaw = nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, own.root_rotation_rad[2]);
-                for role in Role::all().filter(|role| ROLES[role.index()].required) {
-                    let d = yaw.inverse() * (ours(role) - frame.centre(role));
-                    eprintln!("DBG {} {:.4} {:.4} {:.4}", role.name(), d.x, d.y, d.z);
-                }
-            }
             for role in Role::all().filter(|role| ROLES[role.index()].required) {
                 let (theirs, index) = (frame.centre(role), role.index());
                 measured.raw[index].push((ours(role) - theirs).norm());
