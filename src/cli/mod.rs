@@ -12,6 +12,7 @@ mod prepare;
 mod progress;
 mod regress;
 mod resolve;
+mod retarget;
 mod sim;
 mod summary;
 mod urdf;
@@ -58,6 +59,8 @@ enum Verb {
     Prepare(Box<prepare::PrepareArgs>),
     /// Check motions in milliseconds: units, axes, limits, jumps, sides, floor
     Lint(lint::LintArgs),
+    /// Make motions of the humanoid from motion capture: BVH, ASF/AMC, joint positions
+    Retarget(retarget::RetargetArgs),
     /// Compare a run with an accepted one; exit code 4 on a regression
     Regress(regress::RegressArgs),
     /// Print the commands that open the recordings of a run
@@ -85,6 +88,7 @@ pub fn rprae() -> ExitCode {
         Verb::Sim(args) => sim::run(&args),
         Verb::Prepare(args) => prepare::run(&args),
         Verb::Lint(args) => lint::run(&args),
+        Verb::Retarget(args) => retarget::run(&args),
         Verb::Regress(args) => regress::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Urdf(args) => urdf::run(&args),

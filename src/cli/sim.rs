@@ -18,8 +18,8 @@ const RESULTS: &str = "results";
 /// Arguments of a run. What is not given comes from `--config`, and from the defaults where that is silent.
 #[derive(Debug, Default, Args)]
 pub(super) struct SimArgs {
-    /// Motions to run: an MMM XML file, a folder or zip in the KIT-ML layout, or a .npy, .npz or .csv table of
-    /// frames x 50; the bundled suite when absent
+    /// Motions to run: an MMM XML file, a folder or zip in the KIT-ML layout, a .npy, .npz or .csv table of
+    /// frames x 50, or motion capture (.bvh, .amc beside its .asf, joint positions); the bundled suite when absent
     #[arg(long, value_name = "PATH")]
     pub motions: Option<PathBuf>,
     /// Run folder; an unfinished run with the same settings there is continued. Default: results/NAME-NNN, a new one
@@ -56,6 +56,9 @@ pub(super) struct SimArgs {
     /// Frames per second of number tables, which do not say it themselves
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
+    /// Correspondence file (TOML) for motion capture whose joint names are not recognised
+    #[arg(long, value_name = "TOML")]
+    pub skeleton: Option<PathBuf>,
     /// Body height in metres for number tables
     #[arg(long, value_name = "METRES")]
     pub height: Option<f64>,

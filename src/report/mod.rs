@@ -26,6 +26,7 @@ mod number;
 mod ranking;
 pub mod regression;
 mod results;
+pub mod retargeting;
 mod table;
 
 pub use aggregate::{Aggregate, Interval, aggregate};
