@@ -4,9 +4,14 @@
 //! reads and that pins everything downstream by its fingerprint. No tensors here: batches are built by the training.
 
 mod action;
+mod check;
+mod fingerprint;
+mod folder;
 mod prepared;
 mod vocabulary;
 
-pub use action::Normalizer;
+pub use action::{LIMIT, Normalizer};
+pub use check::Unsound;
+pub use folder::{FEATURES_FILE, PreparedError, SET_FILE};
 pub use prepared::{CaptionFeatures, MotionFeatures, Pair, PreparedSet, Split};
 pub use vocabulary::{BOS, EOS, Vocabulary};
