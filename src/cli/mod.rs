@@ -3,6 +3,7 @@
 //! In: arguments. Out: tables and paths on standard output, progress and complaints on standard error, and an [`Exit`].
 //! Arguments become typed settings once, here; everything below takes values, not strings.
 
+mod doctor;
 mod exit;
 mod metrics;
 mod output;
@@ -11,6 +12,7 @@ mod regress;
 mod resolve;
 mod sim;
 mod summary;
+mod train;
 mod urdf;
 mod view;
 
@@ -51,12 +53,16 @@ struct Rprae {
 enum Verb {
     /// Run motions through the simulator and score them; the same as `eval-sim`
     Sim(Box<sim::SimArgs>),
+    /// Train a model that translates between descriptions and motions
+    Train(Box<train::TrainArgs>),
     /// Compare a run with an accepted one; exit code 4 on a regression
     Regress(regress::RegressArgs),
     /// Print the commands that open the recordings of a run
     View(view::ViewArgs),
     /// Write the URDF of the humanoid for a height and mass
     Urdf(urdf::UrdfArgs),
+    /// Examine this machine and build: versions, memory, graphics adapters, and whether they compute the same
+    Doctor(doctor::DoctorArgs),
     /// List the metrics, or explain one
     Metrics(metrics::MetricsArgs),
 }
@@ -74,6 +80,8 @@ pub fn rprae() -> ExitCode {
     let Rprae { verb } = Rprae::parse();
     finish(match verb {
         Verb::Sim(args) => sim::run(&args),
+        Verb::Train(args) => train::run(&args),
+        Verb::Doctor(args) => doctor::run(&args),
         Verb::Regress(args) => regress::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Urdf(args) => urdf::run(&args),

@@ -15,15 +15,18 @@
 
 mod action;
 mod batch;
+mod bundle;
 mod description;
 mod device;
 mod draws;
 mod feed;
+mod generate;
 mod layer;
 mod length;
 mod loss;
 pub mod ops;
 mod parameters;
+mod parity;
 mod rae;
 mod retrofit;
 mod settings;
@@ -33,13 +36,16 @@ pub(crate) mod tests;
 
 pub use action::ActionRae;
 pub use batch::{CaptionBatch, Frames, MotionBatch};
+pub use bundle::{Bundle, BundleConfig, BundleError};
 pub use description::DescriptionRae;
 pub use device::{Adapter, DeviceChoice, DeviceError, Selected, adapter, cpu, select};
 pub use draws::Draws;
 pub use feed::Feed;
+pub use generate::{MotionLength, Word, Writing};
 pub use length::LengthHead;
 pub use loss::{Binding, LossSettings, Reduction, action_loss, binding_loss, description_loss};
-pub use parameters::{NamedTensor, Part, WeightsError, load_weights, num_parameters, weights};
+pub use parameters::{NamedTensor, Part, WeightsError, gradients, load_weights, num_parameters, weights};
+pub use parity::{PARITY_TOLERANCE, Parity, parity};
 pub use retrofit::Retrofit;
 pub use settings::{Decoding, DescriptionFeedback, InvalidSetting, ModelSettings};
 pub use tensors::{TensorsError, read_tensors, write_tensors};

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::{Gradients, Tensor, TensorData};
 
 use super::Rprae;
 
@@ -85,6 +85,34 @@ pub fn weights(model: &Rprae) -> BTreeMap<String, NamedTensor> {
         }
     }
     let mut collect = Collect { path: Vec::new(), found: BTreeMap::new() };
+    model.visit(&mut collect);
+    collect.found
+}
+
+/// Gradients of all weights that have one, by name, sorted.
+#[must_use]
+pub fn gradients(model: &Rprae, gradients: &Gradients) -> BTreeMap<String, NamedTensor> {
+    struct Collect<'a> {
+        path: Vec<String>,
+        gradients: &'a Gradients,
+        found: BTreeMap<String, NamedTensor>,
+    }
+    impl ModuleVisitor for Collect<'_> {
+        fn enter_module(&mut self, name: &str, _: &str) {
+            self.path.push(name.to_owned());
+        }
+        fn exit_module(&mut self, _: &str, _: &str) {
+            self.path.pop();
+        }
+        fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+            if let Some(gradient) = param.val().grad(self.gradients) {
+                let shape = gradient.dims().to_vec();
+                let values = gradient.into_data().iter().collect();
+                self.found.insert(self.path.join("."), NamedTensor { shape, values });
+            }
+        }
+    }
+    let mut collect = Collect { path: Vec::new(), gradients, found: BTreeMap::new() };
     model.visit(&mut collect);
     collect.found
 }

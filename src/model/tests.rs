@@ -91,7 +91,7 @@ fn weights_go_out_and_come_back() {
 }
 
 /// Loss values and the gradient of every weight, for batches padded to given widths.
-fn gradients(
+fn learned(
     settings: &ModelSettings,
     motion_width: usize,
     caption_width: usize,
@@ -114,17 +114,9 @@ fn gradients(
         losses.length.clone(),
     ];
     let values = values.map(|loss| loss.into_scalar::<f32>()).to_vec();
-    let gradients = (losses.total() + losses.length.clone()).backward();
-    struct Collect<'a>(&'a burn::tensor::Gradients, Vec<Vec<f32>>);
-    impl burn::module::ModuleVisitor for Collect<'_> {
-        fn visit_float<const D: usize>(&mut self, param: &burn::module::Param<Tensor<D>>) {
-            let gradient = param.val().grad(self.0).expect("every weight learns");
-            self.1.push(gradient.into_data().iter().collect());
-        }
-    }
-    let mut collect = Collect(&gradients, Vec::new());
-    model.visit(&mut collect);
-    (values, collect.1)
+    let slopes = gradients(&model, &(losses.total() + losses.length.clone()).backward());
+    assert_eq!(slopes.keys().collect::<Vec<_>>(), weights(&model).keys().collect::<Vec<_>>());
+    (values, slopes.into_values().map(|slope| slope.values).collect())
 }
 
 #[test]
@@ -132,10 +124,10 @@ fn padding_changes_nothing_to_the_last_bit() {
     for decoding in [Decoding::ClosedLoop, Decoding::TeacherForcing, Decoding::ScheduledSampling] {
         for description_feedback in [DescriptionFeedback::ArgMax, DescriptionFeedback::Expectation] {
             let settings = ModelSettings { decoding, description_feedback, ..tiny() };
-            let tight = gradients(&settings, 9, 6);
+            let tight = learned(&settings, 9, 6);
             assert!(tight.1.iter().flatten().all(|value| value.is_finite()));
             assert!(tight.1.iter().all(|gradient| gradient.iter().any(|&value| value != 0.0)));
-            assert_eq!(tight, gradients(&settings, 31, 17), "{decoding:?} {description_feedback:?}");
+            assert_eq!(tight, learned(&settings, 31, 17), "{decoding:?} {description_feedback:?}");
         }
     }
 }
@@ -143,7 +135,7 @@ fn padding_changes_nothing_to_the_last_bit() {
 #[test]
 fn ways_of_decoding_differ() {
     let loss = |decoding, description_feedback| {
-        gradients(&ModelSettings { decoding, description_feedback, ..tiny() }, 9, 6).0
+        learned(&ModelSettings { decoding, description_feedback, ..tiny() }, 9, 6).0
     };
     let closed = loss(Decoding::ClosedLoop, DescriptionFeedback::ArgMax);
     let forced = loss(Decoding::TeacherForcing, DescriptionFeedback::ArgMax);

@@ -5,6 +5,7 @@
 //! to the last bit, as one that was never stopped.
 
 mod batches;
+mod card;
 mod checkpoint;
 mod curves;
 mod error;
@@ -19,6 +20,7 @@ mod sampler;
 mod settings;
 mod validation;
 
+pub use card::card;
 pub use checkpoint::Best;
 pub use curves::{curves, read_metrics};
 pub use error::TrainingError;

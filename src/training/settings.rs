@@ -103,6 +103,8 @@ pub struct RunSettings {
     pub seed: u64,
     /// What computes.
     pub device: DeviceChoice,
+    /// Source and licence of the data, for the model card of the bundle.
+    pub notes: String,
     /// Sizes and decoding.
     pub model: ModelSettings,
     /// Losses.
@@ -118,6 +120,7 @@ impl Default for RunSettings {
             preset: Preset::Paper,
             seed: 1,
             device: DeviceChoice::Auto,
+            notes: String::new(),
             model: ModelSettings::default(),
             loss: LossSettings::default(),
             training: TrainingSettings::default(),
