@@ -12,7 +12,7 @@ mod rnea;
 mod trajectory;
 
 pub use contact_forces::{ContactForces, ContactSolver};
-pub use explained::{ExplainedFrame, ExplanationSettings, explain};
+pub use explained::{ExplainedFrame, Explainer, ExplanationSettings, RootWrench, explain};
 pub use filter::low_pass;
 pub use rnea::{ExternalForce, InverseDynamics, RootMotion, inverse_dynamics};
 pub use trajectory::{Trajectory, TrajectoryFrame};

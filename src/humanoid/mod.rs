@@ -6,11 +6,13 @@
 mod foot;
 mod mass;
 mod segments;
+mod solids;
 mod strength;
 mod urdf;
 
 pub use foot::{Side, SolePoint, SoleRegion};
 pub use segments::ROOT_HEIGHT_FRACTION;
+pub use solids::Solids;
 
 use nalgebra::{Isometry3, Point3};
 

@@ -3,13 +3,9 @@
 use nalgebra::Isometry3;
 
 use super::metric::{Better, Metric, PerLevel, Score};
-use super::solids::Solids;
 use super::tracking;
 use crate::humanoid::Humanoid;
-use crate::simulation::{Contact, LOST_TRACK_M, Level, Outcome, Rollout, RolloutSample};
-
-/// Height up to which the reference itself puts a segment on the floor, metres.
-const PLANNED_CONTACT_M: f64 = 0.050;
+use crate::simulation::{FallCause, FallRule, LOST_TRACK_M, Level, Outcome, Rollout, RolloutSample};
 
 const SUCCESS_REFERENCE: &str = "UHC and PHC (ZhengyiLuo/PHC: phc/env/tasks/humanoid_im.py, \
                                  phc/learning/im_amp_players.py: mean over bodies, 0.5 m)";
@@ -139,20 +135,6 @@ pub(super) static MPJPE_BEFORE_FALL: PerLevel = PerLevel::new(
     },
 );
 
-/// Why a body counts as fallen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum FallCause {
-    /// Its segments are 0.5 m or more from the reference in the mean.
-    Lost,
-    /// This segment, which is no part of a foot, is held up by the floor, and the reference does not put it there.
-    BodyOnFloor {
-        /// Index in the order of [`Humanoid::segment_links`].
-        segment: usize,
-    },
-    /// The state became unusable.
-    Failed,
-}
-
 /// A fall.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Fall {
@@ -166,10 +148,9 @@ pub struct Fall {
 #[must_use]
 pub fn first_fall(humanoid: &Humanoid, rollout: &Rollout) -> Option<Fall> {
     let observed = Observed::new(rollout);
-    let solids = Solids::new(humanoid);
-    let is_foot = foot_segments(humanoid);
+    let rule = FallRule::new(humanoid);
     let in_sample = observed.samples.iter().find_map(|sample| {
-        let cause = fall_in(sample, humanoid, &solids, &is_foot)?;
+        let cause = rule.fall(sample)?;
         Some(Fall { time_secs: sample.time_secs, cause })
     });
     // Samples end where a rollout fails, so a fall seen in one came first.
@@ -237,36 +218,6 @@ pub(super) fn scores(humanoid: &Humanoid, rollout: &Rollout) -> Vec<Score> {
     .collect()
 }
 
-/// Whether a contact carries load: touching without force holds nothing up.
-pub(super) fn bears_load(contact: &Contact) -> bool {
-    contact.force_n.z > 0.0
-}
-
-fn fall_in(
-    sample: &RolloutSample,
-    humanoid: &Humanoid,
-    solids: &Solids,
-    is_foot: &[bool],
-) -> Option<FallCause> {
-    if sample.mean_distance_m() > LOST_TRACK_M {
-        return Some(FallCause::Lost);
-    }
-    let is_planned = |segment: usize| {
-        let reference = &sample.reference_world_from_segment[segment];
-        solids.lowest_of_link_m(humanoid.segment_links[segment], reference) <= PLANNED_CONTACT_M
-    };
-    let on_floor = sample.contacts.iter().filter(|contact| bears_load(contact));
-    let mut fallen =
-        on_floor.map(|contact| contact.segment).filter(|&part| !is_foot[part] && !is_planned(part));
-    fallen.next().map(|segment| FallCause::BodyOnFloor { segment })
-}
-
-/// Which segments carry sole points.
-fn foot_segments(humanoid: &Humanoid) -> Vec<bool> {
-    let has_sole = |link: &usize| humanoid.sole_points.iter().any(|point| point.link == *link);
-    humanoid.segment_links.iter().map(has_sole).collect()
-}
-
 fn is_finite(sample: &RolloutSample) -> bool {
     let pose_is_finite = |pose: &Isometry3<f64>| {
         pose.translation.vector.iter().chain(pose.rotation.coords.iter()).all(|value| value.is_finite())
@@ -281,5 +232,7 @@ fn is_finite(sample: &RolloutSample) -> bool {
         && all_finite(&sample.joint_torques_nm)
         && all_finite(sample.assist_force_n.as_slice())
         && all_finite(sample.assist_moment_nm.as_slice())
-        && sample.contacts.iter().all(|contact| all_finite(contact.force_n.as_slice()))
+        && sample.contacts.iter().all(|contact| {
+            all_finite(contact.force_n.as_slice()) && all_finite(contact.position_m.coords.as_slice())
+        })
 }

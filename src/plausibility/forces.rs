@@ -2,13 +2,13 @@
 
 use nalgebra::Vector3;
 
-use super::fall::{Observed, bears_load};
+use super::fall::Observed;
 use super::joints::limits_in_kit_order;
 use super::metric::{Better, Metric, PerLevel, Score};
 use super::trace::mean;
 use crate::humanoid::Humanoid;
 use crate::motion::NUM_JOINTS;
-use crate::simulation::{GRAVITY_M_S2, Level, Rollout, RolloutSample};
+use crate::simulation::{Contact, GRAVITY_M_S2, Level, Rollout, RolloutSample};
 
 /// Share of the torque limit that counts as reaching it.
 const AT_LIMIT: f64 = 0.99;
@@ -148,7 +148,7 @@ pub(super) fn scores(humanoid: &Humanoid, rollout: &Rollout, observed: &Observed
     }
 
     let vertical_bw = || intervals().map(|sample| sample.ground_force_n().z / weight_n);
-    let touches = |sample: &RolloutSample| sample.contacts.iter().any(bears_load);
+    let touches = |sample: &RolloutSample| sample.contacts.iter().any(Contact::bears_load);
     let limits = limits_in_kit_order(humanoid);
     let share_at_limit = |sample: &RolloutSample| {
         let at_limit =

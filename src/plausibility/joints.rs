@@ -3,7 +3,7 @@
 use super::metric::{Better, Metric, Score};
 use super::trace::mean;
 use crate::humanoid::Humanoid;
-use crate::motion::{Frame, Motion, NUM_JOINTS};
+use crate::motion::{Frame, NUM_JOINTS};
 use crate::robot::JointLimits;
 use crate::simulation::Level;
 
@@ -89,10 +89,9 @@ pub(super) static JERK: Metric = Metric {
     signature: "diff:third|filter:none|joints:44|v:1",
 };
 
-/// Scores of the joint angles of a motion.
-pub(super) fn scores(humanoid: &Humanoid, motion: &Motion) -> Vec<Score> {
+/// Scores of the joint angles of frames in a row, at least one.
+pub(super) fn scores(humanoid: &Humanoid, frames: &[Frame], rate_hz: f64) -> Vec<Score> {
     let limits = limits_in_kit_order(humanoid);
-    let (frames, rate_hz) = (motion.frames(), motion.rate_hz());
     let (share, worst) = beyond_limits(&limits, frames);
     let mut scores = Vec::new();
     scores.extend(Score::new(&LIMIT_SHARE, share));

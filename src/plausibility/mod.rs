@@ -7,102 +7,57 @@
 //! formula, the paper or code it follows, and a signature that names everything which changes the number.
 //! A score that cannot be computed is absent; it is never NaN, and a failed rollout is never averaged over its good part.
 
+mod balance;
+mod effort;
 mod fall;
 mod forces;
 mod ground;
+mod imitation;
 mod inverse;
 mod joints;
+mod kinematic;
 mod metric;
+mod penetrate;
+mod polygon;
+mod registry;
+mod self_contact;
 mod skate;
-mod solids;
+mod slide;
+mod smoothness;
+mod success;
+mod surface;
+mod thresholds;
 mod trace;
 mod tracking;
 mod travel;
 
-pub use fall::{Fall, FallCause, first_fall};
+pub use crate::simulation::FallCause;
+pub use fall::{Fall, first_fall};
 pub use metric::{Better, Metric, Score, explain};
+pub use registry::{METRICS, ROSETTA, find_metric};
+
+use std::ops::Range;
 
 use crate::humanoid::Humanoid;
 use crate::motion::Motion;
 use crate::simulation::{Level, Rollout};
 use fall::Observed;
-use trace::Trace;
-
-/// Every metric, sorted by key.
-pub static METRICS: &[&Metric] = &[
-    &travel::DYNAMIC_DEGREE,
-    &ground::FLOAT,
-    &ground::FLOAT_INTEGRAL,
-    &skate::RATIO,
-    &travel::JERK,
-    &joints::JERK,
-    &joints::LIMIT_EXCESS,
-    &joints::LIMIT_SHARE,
-    &joints::SPEED_LIMIT_SHARE,
-    &joints::SPEED_P95,
-    &joints::SPEED_PEAK,
-    &ground::LOWEST_MEDIAN,
-    &ground::LOWEST_MIN,
-    &ground::PENETRATION,
-    &ground::PENETRATION_INTEGRAL,
-    &travel::ROOT_SPEED_PEAK,
-    &travel::ROOT_TURN_PEAK,
-    &skate::PER_SECOND,
-    &skate::PER_FRAME,
-    &skate::SLOWEST_CONTACT,
-    &inverse::FORCE_MEAN,
-    &inverse::FORCE_GATED,
-    &inverse::FORCE_P95,
-    &inverse::MOMENT_MEAN,
-    &inverse::TORQUE_LIMIT_SHARE,
-    &forces::ASSIST_IMPULSE,
-    &forces::ASSIST_MEAN,
-    &forces::ASSIST_MOMENT_IMPULSE,
-    &fall::COMPLETED.l2,
-    &fall::COMPLETED_TIME.l2,
-    &forces::CONTACT_SHARE.l2,
-    &tracking::JOINT_RMS.l2,
-    &fall::MPJPE_BEFORE_FALL.l2,
-    &tracking::MPJPE_ROOT.l2,
-    &tracking::MPJPE_WORLD.l2,
-    &fall::SUCCESS.l2,
-    &fall::SURVIVAL_FRACTION.l2,
-    &fall::SURVIVED.l2,
-    &fall::TIME_TO_FALL.l2,
-    &forces::TORQUE_LIMIT_SHARE.l2,
-    &forces::VERTICAL_FORCE_MEAN.l2,
-    &forces::VERTICAL_FORCE_PEAK.l2,
-    &fall::COMPLETED.l3,
-    &fall::COMPLETED_TIME.l3,
-    &forces::CONTACT_SHARE.l3,
-    &tracking::JOINT_RMS.l3,
-    &fall::MPJPE_BEFORE_FALL.l3,
-    &tracking::MPJPE_ROOT.l3,
-    &tracking::MPJPE_WORLD.l3,
-    &fall::SUCCESS.l3,
-    &fall::SURVIVAL_FRACTION.l3,
-    &fall::SURVIVED.l3,
-    &fall::TIME_TO_FALL.l3,
-    &forces::TORQUE_LIMIT_SHARE.l3,
-    &forces::VERTICAL_FORCE_MEAN.l3,
-    &forces::VERTICAL_FORCE_PEAK.l3,
-];
-
-/// The metric with this key.
-#[must_use]
-pub fn find_metric(key: &str) -> Option<&'static Metric> {
-    METRICS.binary_search_by(|metric| metric.key.cmp(key)).ok().map(|index| METRICS[index])
-}
+use inverse::Inverse;
+use kinematic::Kinematic;
 
 /// Level 0: what the motion alone shows, as this body performs it; the floor is the plane z = 0.
 #[must_use]
 pub fn kinematic_scores(humanoid: &Humanoid, motion: &Motion) -> Vec<Score> {
-    let trace = Trace::new(humanoid, motion);
-    let mut scores = joints::scores(humanoid, motion);
-    scores.extend(travel::scores(motion, &trace));
-    scores.extend(ground::scores(&trace));
-    scores.extend(skate::scores(&trace));
-    sorted(scores)
+    Kinematic::new(humanoid, motion).scores(0..motion.num_frames())
+}
+
+/// Level 0 over windows of a motion, one after the other; a last shorter one is left out.
+///
+/// Accelerations come from the whole motion, so that a window's ends bend nothing.
+#[must_use]
+pub fn kinematic_windows(humanoid: &Humanoid, motion: &Motion, window_secs: f64) -> Vec<Vec<Score>> {
+    let kinematic = Kinematic::new(humanoid, motion);
+    windows(motion, window_secs).map(|frames| kinematic.scores(frames)).collect()
 }
 
 /// Level 1: what inverse dynamics cannot explain of a motion.
@@ -111,7 +66,20 @@ pub fn kinematic_scores(humanoid: &Humanoid, motion: &Motion) -> Vec<Score> {
 /// there.
 #[must_use]
 pub fn inverse_scores(humanoid: &Humanoid, motion: &Motion) -> Vec<Score> {
-    sorted(inverse::scores(humanoid, motion))
+    sorted(Inverse::new(humanoid, motion).scores(humanoid, &(0..motion.num_frames())))
+}
+
+/// Level 1 over the windows of [`kinematic_windows`]; a window of nothing but frames that are left out has few scores.
+#[must_use]
+pub fn inverse_windows(humanoid: &Humanoid, motion: &Motion, window_secs: f64) -> Vec<Vec<Score>> {
+    let inverse = Inverse::new(humanoid, motion);
+    windows(motion, window_secs).map(|frames| sorted(inverse.scores(humanoid, &frames))).collect()
+}
+
+/// Frames of whole windows.
+fn windows(motion: &Motion, window_secs: f64) -> impl Iterator<Item = Range<usize>> {
+    let length = ((window_secs * motion.rate_hz()).round() as usize).max(1);
+    (0..motion.num_frames() / length).map(move |index| index * length..(index + 1) * length)
 }
 
 /// Levels 2 and 3: what a simulated motion shows, under the keys of the rollout's own level.
@@ -125,34 +93,14 @@ pub fn rollout_scores(humanoid: &Humanoid, rollout: &Rollout) -> Vec<Score> {
     let observed = Observed::new(rollout);
     let mut scores = fall::scores(humanoid, rollout);
     scores.extend(tracking::scores(rollout, &observed));
+    scores.extend(imitation::scores(rollout, &observed));
+    scores.extend(success::scores(humanoid, rollout, &observed));
     scores.extend(forces::scores(humanoid, rollout, &observed));
+    scores.extend(effort::scores(humanoid, rollout, &observed));
     sorted(scores)
 }
 
 fn sorted(mut scores: Vec<Score>) -> Vec<Score> {
     scores.sort_by_key(|score| score.metric.key);
     scores
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_registry_is_sorted_and_every_entry_is_complete() {
-        assert!(METRICS.is_sorted_by(|a, b| a.key < b.key), "sorted, no key twice");
-        for metric in METRICS {
-            let Metric { key, title, formula, empty, reference, signature, .. } = **metric;
-            let level = metric.level.to_string().to_lowercase();
-            assert!(
-                key.strip_prefix(&level).is_some_and(|rest| rest.starts_with('/')),
-                "{key} is at {level}"
-            );
-            assert!([title, formula, empty, reference].iter().all(|text| !text.is_empty()), "{key}");
-            assert!(signature.split('|').next_back().is_some_and(|last| last.starts_with("v:")), "{key}");
-            assert!(!signature.contains(char::is_whitespace), "{key}");
-            assert_eq!(find_metric(key).map(|found| found.key), Some(key));
-        }
-        assert!(find_metric("l0/nothing").is_none());
-    }
 }

@@ -115,28 +115,12 @@ fn low_point_steps_m(trace: &Trace, after: usize, height_m: f64) -> impl Iterato
 
 /// Share of 20 Hz frame pairs in which either foot skates; `None` without a pair.
 fn skating_ratio(trace: &Trace) -> Option<f64> {
-    let paths = ball_paths_20_hz(trace);
+    let paths = trace.resampled(RATIO_RATE_HZ, |frame| trace.balls_m(frame));
     let skates = [0, 1].map(|side| {
         let path: Vec<_> = paths.iter().map(|balls| balls[side]).collect();
         skating_pairs(&path)
     });
     mean(skates[0].iter().zip(&skates[1]).map(|(&left, &right)| f64::from(left || right)))
-}
-
-/// Way of the left and right ball at 20 Hz from the first frame on, positions interpolated linearly, metres.
-fn ball_paths_20_hz(trace: &Trace) -> Vec<[Vector3<f64>; 2]> {
-    let last = trace.num_frames() - 1;
-    // A hair more than the duration, so that rounding does not lose the last frame.
-    let num_pairs = (last as f64 / trace.rate_hz * RATIO_RATE_HZ + 1e-6).floor() as usize;
-    (0..=num_pairs)
-        .map(|step| {
-            let position = step as f64 / RATIO_RATE_HZ * trace.rate_hz;
-            let before = (position.floor() as usize).min(last);
-            let share = position - before as f64;
-            let (from, to) = (trace.balls_m(before), trace.balls_m((before + 1).min(last)));
-            [0, 1].map(|side| from[side].lerp(&to[side], share))
-        })
-        .collect()
 }
 
 /// Whether the foot skates, per pair of frames.

@@ -5,7 +5,6 @@ use nalgebra::Vector3;
 use super::metric::{Better, Metric, Score};
 use super::trace::{Trace, mean};
 use crate::humanoid::NUM_SEGMENTS;
-use crate::motion::Motion;
 use crate::simulation::Level;
 
 /// Largest speed of the root.
@@ -63,17 +62,14 @@ pub(super) static JERK: Metric = Metric {
 };
 
 /// Scores of a body's way through the world.
-pub(super) fn scores(motion: &Motion, trace: &Trace) -> Vec<Score> {
+pub(super) fn scores(trace: &Trace) -> Vec<Score> {
     let rate_hz = trace.rate_hz;
     let mut scores = Vec::new();
     if trace.num_frames() > 1 {
         let steps = trace.centers_m.windows(2);
         let fastest = steps.clone().map(|pair| (pair[1][0] - pair[0][0]).norm()).fold(0.0, f64::max);
         scores.extend(Score::new(&ROOT_SPEED_PEAK, fastest * rate_hz));
-        let turns = motion
-            .frames()
-            .windows(2)
-            .map(|pair| pair[0].world_from_root_rotation().angle_to(&pair[1].world_from_root_rotation()));
+        let turns = trace.world_from_root.windows(2).map(|pair| pair[0].angle_to(&pair[1]));
         scores.extend(Score::new(&ROOT_TURN_PEAK, turns.fold(0.0, f64::max) * rate_hz));
         let moved = mean(steps.map(|pair| mean_step_m(&pair[0], &pair[1])));
         scores.extend(moved.and_then(|moved| Score::new(&DYNAMIC_DEGREE, moved * rate_hz)));

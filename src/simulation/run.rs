@@ -8,6 +8,7 @@ use super::balls::Balls;
 use super::chain::{Chain, chains};
 use super::contact::ContactSum;
 use super::engine::Engine;
+use super::fall::FallRule;
 use super::feed_forward::FeedForward;
 use super::multibody::Multibody;
 use super::reference::{Reference, ReferenceState};
@@ -124,6 +125,7 @@ impl<'a> Simulation<'a> {
         let start = run.sample(&engine, &*body, 0.0, 1);
         observer(&start);
         rollout.samples.push(start);
+        let fall_rule = FallRule::new(humanoid);
         let mut fallen = false;
         for step in 0..num_steps {
             let time_secs = step as f64 * settings.dt_secs;
@@ -148,8 +150,9 @@ impl<'a> Simulation<'a> {
                 let sample =
                     run.sample(&engine, &*body, (step + 1) as f64 * settings.dt_secs, steps_per_sample);
                 rollout.max_joint_drift_m = rollout.max_joint_drift_m.max(body.joint_drift_m(&engine));
-                if !fallen && let Some(message) = fall(humanoid, &sample) {
+                if !fallen && let Some(cause) = fall_rule.fall(&sample) {
                     fallen = true;
+                    let message = fall_rule.message(cause, &sample);
                     rollout.events.push(Event {
                         time_secs: sample.time_secs,
                         kind: EventKind::Fall,
@@ -222,24 +225,6 @@ impl Run<'_> {
 fn reference_poses(humanoid: &Humanoid, target: &ReferenceState) -> SegmentPoses {
     let links = humanoid.robot.tree.forward(&target.world_from_root, &humanoid.tree_angles(&target.angles));
     humanoid.segment_links.map(|link| links[link])
-}
-
-/// Mean distance of the segments from the reference beyond which the body no longer performs the motion, metres.
-///
-/// The success rule of UHC and PHC.
-pub const LOST_TRACK_M: f64 = 0.5;
-
-/// Why the body has fallen, if so: something else than a foot on the ground, or far from the reference.
-fn fall(humanoid: &Humanoid, sample: &RolloutSample) -> Option<String> {
-    let is_foot = |segment: usize| {
-        humanoid.sole_points.iter().any(|point| point.link == humanoid.segment_links[segment])
-    };
-    if let Some(contact) = sample.contacts.iter().find(|contact| !is_foot(contact.segment)) {
-        let link = &humanoid.robot.tree.links()[humanoid.segment_links[contact.segment]];
-        return Some(format!("the {} touched the ground", link.name.replace('_', " ")));
-    }
-    let distance = sample.mean_distance_m();
-    (distance > LOST_TRACK_M).then(|| format!("the body is {distance:.2} m from the motion on average"))
 }
 
 /// Why the state is no state any more, if so.
