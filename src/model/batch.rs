@@ -58,11 +58,6 @@ impl MotionBatch {
     pub fn num_targets(&self) -> usize {
         self.targets.dims()[0]
     }
-
-    /// Number of motions.
-    pub(super) fn size(&self) -> usize {
-        self.lengths.len()
-    }
 }
 
 /// Captions side by side, padded to the longest.

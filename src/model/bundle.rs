@@ -192,7 +192,10 @@ impl Bundle {
         let wrong = |name: &str, reason: String| BundleError::Content { path: path(name), reason };
         let config: BundleConfig = read_json(&path(CONFIG))?;
         if config.format != FORMAT {
-            return Err(wrong(CONFIG, format!("its format is {}, this program reads {FORMAT}", config.format)));
+            return Err(wrong(
+                CONFIG,
+                format!("its format is {}, this program reads {FORMAT}", config.format),
+            ));
         }
         config.model.check()?;
         let is_sound = bounds::RATE_HZ.contains(&config.rate_hz)
@@ -207,18 +210,24 @@ impl Bundle {
         }
         let normalizer: Normalizer = read_json(&path(NORMALIZER))?;
         let limits = [&normalizer.minimum, &normalizer.maximum];
-        if limits.iter().any(|limit| limit.len() != NUM_CHANNELS || !limit.iter().all(|value| value.is_finite())) {
+        if limits
+            .iter()
+            .any(|limit| limit.len() != NUM_CHANNELS || !limit.iter().all(|value| value.is_finite()))
+        {
             return Err(wrong(NORMALIZER, format!("it does not have {NUM_CHANNELS} finite limits")));
         }
         let vectors = read_tensors(&path(VECTORS))?;
-        let vocabulary = vocabulary(read_json(&path(VOCABULARY))?, vectors)
-            .map_err(|reason| wrong(VOCABULARY, reason))?;
+        let vocabulary =
+            vocabulary(read_json(&path(VOCABULARY))?, vectors).map_err(|reason| wrong(VOCABULARY, reason))?;
         let weights = read_tensors(&path(WEIGHTS))?;
         // Compared before anything of the promised size is made.
         let found: usize = weights.values().map(|tensor| tensor.values.len()).sum();
         let expected = num_weights(&config.model, &vocabulary);
         if found != expected {
-            return Err(wrong(WEIGHTS, format!("it has {found} numbers, the sizes in {CONFIG} take {expected}")));
+            return Err(wrong(
+                WEIGHTS,
+                format!("it has {found} numbers, the sizes in {CONFIG} take {expected}"),
+            ));
         }
         let model = load_weights(Rprae::new(&config.model, &vocabulary, 0, device), weights)?.valid();
         let table = model.retrofit.table();
@@ -247,10 +256,14 @@ fn vocabulary(
         return Err(format!("its vectors have {dimensions} numbers, expected 1 to {MAX_DIMENSIONS}"));
     }
     if words.len() < 3 || words.len() != has_vector.len() || !words[2..].is_sorted_by(|a, b| a < b) {
-        return Err("its words are not two marks and some sorted words, each with or without a vector".to_owned());
+        return Err(
+            "its words are not two marks and some sorted words, each with or without a vector".to_owned()
+        );
     }
     let num_vectors = has_vector.iter().filter(|has| **has).count();
-    let Some(tensor) = tensors.remove("word_vectors") else { return Err(format!("{VECTORS} has no word_vectors")) };
+    let Some(tensor) = tensors.remove("word_vectors") else {
+        return Err(format!("{VECTORS} has no word_vectors"));
+    };
     if tensor.shape != [num_vectors, dimensions] || !tensor.values.iter().all(|value| value.is_finite()) {
         return Err(format!("{VECTORS} does not have {num_vectors} finite vectors of {dimensions} numbers"));
     }

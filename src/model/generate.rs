@@ -67,7 +67,10 @@ impl Bundle {
     #[must_use]
     pub fn encode_captions(&self, captions: &[&[u32]]) -> Tensor<2> {
         let num_words = self.vocabulary.words.len();
-        assert!(captions.iter().all(|words| words.iter().all(|&word| (word as usize) < num_words)), "unknown word");
+        assert!(
+            captions.iter().all(|words| words.iter().all(|&word| (word as usize) < num_words)),
+            "unknown word"
+        );
         self.model.description.encode(&CaptionBatch::new(captions, &self.device()), &self.table)
     }
 
@@ -120,7 +123,10 @@ impl Bundle {
         };
         let start: [f32; NUM_CHANNELS] = std::array::from_fn(|channel| self.config.start_frame[channel]);
         let first = first.map_or_else(|| vec![start; batch], <[_]>::to_vec);
-        assert!(lengths.len() == batch && first.len() == batch, "as many lengths and first frames as latents");
+        assert!(
+            lengths.len() == batch && first.len() == batch,
+            "as many lengths and first frames as latents"
+        );
         assert!(lengths.iter().all(|&length| length >= 2), "at least 2 frames");
 
         let steps: Vec<usize> = lengths.iter().map(|length| length - 1).collect();
@@ -134,7 +140,9 @@ impl Bundle {
             .chunks(width)
             .zip(&steps)
             .zip(first)
-            .map(|((frames, &steps), first)| std::iter::once(first).chain(frames[..steps].iter().copied()).collect())
+            .map(|((frames, &steps), first)| {
+                std::iter::once(first).chain(frames[..steps].iter().copied()).collect()
+            })
             .collect()
     }
 

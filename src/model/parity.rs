@@ -29,7 +29,8 @@ pub fn parity(device: &Device) -> Vec<Parity> {
         let expected = compute(&Device::flex(), &mut feed);
         let computed = compute(device, &mut feed);
         for ((name, expected), (_, computed)) in expected.iter().zip(&computed) {
-            found.push(Parity { name: format!("{name}, {mode}"), difference: difference(expected, computed) });
+            found
+                .push(Parity { name: format!("{name}, {mode}"), difference: difference(expected, computed) });
         }
     }
     found.sort_by(|a, b| b.difference.total_cmp(&a.difference));
@@ -60,7 +61,9 @@ fn compute(device: &Device, feed: &mut Feed<'_>) -> Vec<(String, NamedTensor)> {
     let vocabulary = Vocabulary {
         words: ["<bos>", "<eos>", "a", "b", "c", "d"].map(str::to_owned).to_vec(),
         dimensions: 6,
-        vectors: (0..6).map(|word| (word > 1).then(|| Draws::new(1, "vector", word).uniform(6, 0.5))).collect(),
+        vectors: (0..6)
+            .map(|word| (word > 1).then(|| Draws::new(1, "vector", word).uniform(6, 0.5)))
+            .collect(),
     };
     let model = Rprae::new(&settings, &vocabulary, 1, &device);
     let motion = |num_frames: usize, seed| -> Vec<[f32; NUM_CHANNELS]> {
@@ -71,7 +74,8 @@ fn compute(device: &Device, feed: &mut Feed<'_>) -> Vec<(String, NamedTensor)> {
     let motions: Vec<Frames<'_>> = motions.iter().map(Vec::as_slice).collect();
     let motions = MotionBatch::new(&motions, &device);
     let captions = CaptionBatch::new(&[&[0, 2, 3, 1], &[0, 4, 1], &[0, 5, 4, 3, 2, 1]], &device);
-    let losses = model.losses(&captions, &motions, Some(&[0, 1, 2]), &settings, &LossSettings::default(), feed);
+    let losses =
+        model.losses(&captions, &motions, Some(&[0, 1, 2]), &settings, &LossSettings::default(), feed);
     let total = losses.total() + losses.length.clone();
     let value = NamedTensor { shape: vec![1], values: vec![total.clone().into_scalar()] };
     let mut found = vec![("loss".to_owned(), value)];

@@ -91,11 +91,7 @@ fn weights_go_out_and_come_back() {
 }
 
 /// Loss values and the gradient of every weight, for batches padded to given widths.
-fn learned(
-    settings: &ModelSettings,
-    motion_width: usize,
-    caption_width: usize,
-) -> (Vec<f32>, Vec<Vec<f32>>) {
+fn learned(settings: &ModelSettings, motion_width: usize, caption_width: usize) -> (Vec<f32>, Vec<Vec<f32>>) {
     let device = Device::flex().autodiff();
     let model = Rprae::new(settings, &vocabulary(9, 6), 3, &device);
     let motions = [motion(5, 0), motion(9, 1), motion(2, 2)];

@@ -23,7 +23,8 @@ pub fn card(
         facts.parameters.iter().map(|(part, count)| format!("| {part} | {count} |")).collect();
     let in_split = |split| set.motions.iter().filter(|motion| motion.split == split).count();
     let notes = settings.notes.trim();
-    let notes = if notes.is_empty() { "None were given with `notes` in the settings of the run." } else { notes };
+    let notes =
+        if notes.is_empty() { "None were given with `notes` in the settings of the run." } else { notes };
     let mut card = format!(
         "# A trained rPRAE model\n\n\
          Translates between descriptions and whole-body motions of 50 channels at {} Hz. Method: Toyoda, Suzuki, Hayashi,\n\
@@ -65,7 +66,8 @@ pub fn card(
     );
     if let Some(found) = validation {
         let losses = found.validation.named();
-        let rows: Vec<String> = losses.iter().map(|(name, loss)| format!("| {name} loss | {loss:.4} |")).collect();
+        let rows: Vec<String> =
+            losses.iter().map(|(name, loss)| format!("| {name} loss | {loss:.4} |")).collect();
         // Writing to a string cannot fail.
         let _ = write!(
             card,

@@ -12,7 +12,8 @@ const BURN: &str = "0.22.1";
 
 /// Prints what there is; a device that computes something else is exit code 1.
 pub(crate) fn run() -> Result<Exit, Failure> {
-    let mut text = format!("rprae    {VERSION}, burn {BURN}, {} on {}\n", std::env::consts::ARCH, std::env::consts::OS);
+    let mut text =
+        format!("rprae    {VERSION}, burn {BURN}, {} on {}\n", std::env::consts::ARCH, std::env::consts::OS);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     // Writing to a string cannot fail.
     let _ = writeln!(text, "threads  {threads} there, {} used", rayon::current_num_threads());
@@ -20,7 +21,11 @@ pub(crate) fn run() -> Result<Exit, Failure> {
     let (adapter, exit) = match model::adapter() {
         Err(reason) => (format!("none: {reason}"), Exit::Clean),
         Ok(adapter) => {
-            let kind = if adapter.is_software { "software, never chosen by --device auto" } else { "graphics processor" };
+            let kind = if adapter.is_software {
+                "software, never chosen by --device auto"
+            } else {
+                "graphics processor"
+            };
             let (parity, exit) = parity();
             (format!("{}, {kind}\nparity   {parity}", adapter.name), exit)
         }
@@ -41,9 +46,10 @@ fn parity() -> (String, Exit) {
     let found = model::parity(&selected.device);
     let count = found.len();
     match found.into_iter().next() {
-        Some(worst) if worst.difference <= PARITY_TOLERANCE => {
-            (format!("{count} losses and gradients equal the processor's within {:.1e}", worst.difference), Exit::Clean)
-        }
+        Some(worst) if worst.difference <= PARITY_TOLERANCE => (
+            format!("{count} losses and gradients equal the processor's within {:.1e}", worst.difference),
+            Exit::Clean,
+        ),
         Some(worst) => {
             let message = format!(
                 "FAILED: {} differs from the processor's by {:.1e} of its size, at most {PARITY_TOLERANCE:.0e} is \

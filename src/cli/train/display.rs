@@ -45,7 +45,10 @@ impl Display {
                     bar.set_position(*done as u64);
                 }
                 let going_on = if *done > 0 { format!(", going on after {done}") } else { String::new() };
-                self.line(&format!("{} iterations of stage 1, {} of stage 2{going_on}", plan.stage1, plan.stage2));
+                self.line(&format!(
+                    "{} iterations of stage 1, {} of stage 2{going_on}",
+                    plan.stage1, plan.stage2
+                ));
             }
             Event::Iterated(iteration) => self.iterated(iteration),
             Event::Validated(found) => {

@@ -158,7 +158,9 @@ fn settings(args: &TrainArgs) -> Result<RunSettings, Failure> {
     let mut settings = match &args.config {
         Some(path) => RunSettings::read(path, preset).or_usage()?,
         None => match RunFolder::settings(&args.out).map_err(failure)? {
-            Some(settings) if args.resume && preset.is_none_or(|preset| preset == settings.preset) => settings,
+            Some(settings) if args.resume && preset.is_none_or(|preset| preset == settings.preset) => {
+                settings
+            }
             _ => RunSettings::of(preset.unwrap_or(Preset::Paper)),
         },
     };
@@ -166,8 +168,10 @@ fn settings(args: &TrainArgs) -> Result<RunSettings, Failure> {
         settings.prepared.clone_from(prepared);
     }
     if settings.prepared.as_os_str().is_empty() {
-        return Err(anyhow::anyhow!("find the data: give --prepared DIR; `rprae prepare` makes such a folder"))
-            .or_usage();
+        return Err(anyhow::anyhow!(
+            "find the data: give --prepared DIR; `rprae prepare` makes such a folder"
+        ))
+        .or_usage();
     }
     settings.device = args.device.map_or(settings.device, DeviceChoice::from);
     settings.seed = args.seed.unwrap_or(settings.seed);
@@ -190,7 +194,10 @@ fn draw(metrics: &Path, curves: &Path, plan: Plan) -> Result<(), TrainingError> 
 }
 
 fn summary(trained: &Trained, best: Option<&Validation>, bundle: &Path, curves: &Path) -> String {
-    let mut text = format!("trained for {} iterations; the model is that of iteration {}\n", trained.done, trained.iteration);
+    let mut text = format!(
+        "trained for {} iterations; the model is that of iteration {}\n",
+        trained.done, trained.iteration
+    );
     if let Some(found) = best {
         text.push_str(&format!("validation: {}\n", told(found)));
     }
