@@ -32,6 +32,7 @@
 //! [`dynamics`] finds the forces a motion takes, [`synthesis`] makes the motions of the bundled suite, and [`simulation`]
 //! lets the body move.
 //! [`plausibility`] turns motions and rollouts into scores, [`recording`] and [`report`] into files.
+//! [`lint`] checks motions without moving them, and [`features`] prepares them for learning.
 //! [`harness`] runs whole suites, [`manifest`] says what was run, and [`cli`] is what the programs are made of.
 //!
 //! # Example
@@ -62,6 +63,7 @@ pub mod features;
 pub mod harness;
 pub mod humanoid;
 pub mod kinematics;
+pub mod lint;
 pub mod manifest;
 pub mod model;
 pub mod motion;

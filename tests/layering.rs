@@ -15,7 +15,7 @@ const RANKS: [&[&str]; 14] = [
     &["humanoid"],
     &["dynamics", "retarget"],
     &["dataset"],
-    &["synthesis", "features"],
+    &["synthesis", "features", "lint"],
     &["simulation", "model"],
     &["plausibility", "training"],
     &["translation", "recording", "report"],

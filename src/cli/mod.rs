@@ -5,8 +5,10 @@
 
 mod doctor;
 mod exit;
+mod lint;
 mod metrics;
 mod output;
+mod prepare;
 mod progress;
 mod regress;
 mod resolve;
@@ -55,6 +57,10 @@ enum Verb {
     Sim(Box<sim::SimArgs>),
     /// Train a model that translates between descriptions and motions
     Train(Box<train::TrainArgs>),
+    /// Turn motions, captions and word vectors into the folder that training reads
+    Prepare(Box<prepare::PrepareArgs>),
+    /// Check motions in milliseconds: units, axes, limits, jumps, sides, floor
+    Lint(lint::LintArgs),
     /// Compare a run with an accepted one; exit code 4 on a regression
     Regress(regress::RegressArgs),
     /// Print the commands that open the recordings of a run
@@ -82,6 +88,8 @@ pub fn rprae() -> ExitCode {
         Verb::Sim(args) => sim::run(&args),
         Verb::Train(args) => train::run(&args),
         Verb::Doctor(args) => doctor::run(&args),
+        Verb::Prepare(args) => prepare::run(&args),
+        Verb::Lint(args) => lint::run(&args),
         Verb::Regress(args) => regress::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Urdf(args) => urdf::run(&args),

@@ -2,6 +2,7 @@
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -67,6 +68,51 @@ impl Display {
             Some(bar) => bar.println(text),
             None if self.quiet => {}
             None => eprintln!("{text}"),
+        }
+    }
+
+    /// Clears the bar.
+    pub(super) fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// Shows how many of how many things of one kind after another are done.
+pub(super) struct Counter {
+    quiet: bool,
+    bar: Option<ProgressBar>,
+    /// Tenths of the current kind that were told in plain lines.
+    told: Mutex<(String, usize)>,
+}
+
+impl Counter {
+    pub(super) fn new(quiet: bool) -> Self {
+        let watched = !quiet && std::io::stderr().is_terminal();
+        Self { quiet, bar: watched.then(bar), told: Mutex::default() }
+    }
+
+    /// Takes note; called from the worker threads.
+    pub(super) fn show(&self, what: &str, done: usize, total: usize) {
+        if let Some(bar) = &self.bar {
+            bar.set_length(total as u64);
+            bar.set_position(done as u64);
+            bar.set_message(shorten(what, 40));
+            return;
+        }
+        // Few things need no telling.
+        if self.quiet || total < 100 {
+            return;
+        }
+        let tenth = 10 * done / total;
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if told.0 != what {
+            *told = (what.to_owned(), 0);
+        }
+        if tenth > told.1 {
+            told.1 = tenth;
+            eprintln!("{what}: {done}/{total}");
         }
     }
 

@@ -69,6 +69,17 @@ impl Files {
         }
     }
 
+    /// Size and times of a file, which change when it does; of an archive those of the whole archive.
+    ///
+    /// The status-change time, where the system keeps one, cannot be set back by a program.
+    pub(super) fn stamp(&self, name: &str) -> Stamp {
+        match self {
+            Self::Folder(folder) => stamp_of(&folder.join(name)),
+            Self::Archive(archive) => stamp_of(archive.path()),
+            Self::Memory(_) => None,
+        }
+    }
+
     /// How messages name a file.
     pub(super) fn source(&self, name: &str) -> PathBuf {
         match self {
@@ -82,6 +93,22 @@ impl Files {
             Self::Memory(_) => Path::new("bundled").join(name),
         }
     }
+}
+
+/// Size, modification and status-change time (nanoseconds); `None` where they cannot be had.
+pub(super) type Stamp = Option<(u64, u128, i128)>;
+
+fn stamp_of(path: &Path) -> Stamp {
+    let data = std::fs::metadata(path).ok()?;
+    let modified = data.modified().ok()?.duration_since(std::time::UNIX_EPOCH).ok()?.as_nanos();
+    #[cfg(unix)]
+    let changed = {
+        use std::os::unix::fs::MetadataExt as _;
+        i128::from(data.ctime()) * 1_000_000_000 + i128::from(data.ctime_nsec())
+    };
+    #[cfg(not(unix))]
+    let changed = 0;
+    Some((data.len(), modified, changed))
 }
 
 /// Reads to the end, trusting neither the size announced nor that there is an end.

@@ -3,7 +3,7 @@
 use super::captions::{clean_captions, parse_annotations};
 use super::entry::{Captions, Format};
 use super::files::{FileError, MAX_MOTION_BYTES, MAX_TEXT_BYTES};
-use super::mmm::{MmmError, read_mmm};
+use super::mmm::{MmmError, MmmFault, read_mmm};
 use super::table::{TableError, read_table};
 use super::{DEFAULT_TABLE_RATE_HZ, Dataset, Entry, Sample, Skipped};
 use crate::motion::{Body, Motion, MotionError};
@@ -21,16 +21,80 @@ enum LoadError {
     Motion(#[from] MotionError),
 }
 
+/// What kind of fault keeps a motion from being loaded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FaultKind {
+    /// The file cannot be read.
+    File,
+    /// It is not laid out as its format says.
+    Schema,
+    /// Its joints are not those of the model.
+    Model,
+    /// Its time stamps give no rate.
+    Sampling,
+    /// A number is not finite or absurdly large.
+    Value,
+    /// Positions or body height are in another unit.
+    Units,
+    /// Angles are in degrees.
+    Degrees,
+}
+
+impl LoadError {
+    fn kind(&self) -> FaultKind {
+        let of_motion = |error: &MotionError| match error {
+            MotionError::Value { .. } => FaultKind::Value,
+            MotionError::Height { .. } => FaultKind::Units,
+            MotionError::Rate { .. } => FaultKind::Sampling,
+            _ => FaultKind::Schema,
+        };
+        match self {
+            Self::File(_) => FaultKind::File,
+            Self::Mmm(error) => match &error.fault {
+                MmmFault::Joints(_) => FaultKind::Model,
+                MmmFault::Clock(_) => FaultKind::Sampling,
+                MmmFault::Motion(error) => of_motion(error),
+                _ => FaultKind::Schema,
+            },
+            Self::Table(TableError::Degrees { .. }) => FaultKind::Degrees,
+            Self::Table(TableError::Millimetres { .. }) => FaultKind::Units,
+            Self::Table(TableError::Motion(error)) | Self::Motion(error) => of_motion(error),
+            Self::Table(_) => FaultKind::Schema,
+        }
+    }
+}
+
 impl Dataset {
     /// Reads and checks one motion with its captions.
     ///
     /// # Errors
     /// [`Skipped`] names the file and, in one line, the place in it and the reason.
     pub fn load(&self, entry: &Entry) -> Result<Sample, Skipped> {
-        self.read(entry).map_err(|error| Skipped {
-            id: entry.id.clone(),
-            source: entry.source.clone(),
-            reason: error.to_string().replace(['\n', '\r'], " "),
+        let mut damage = None;
+        let loaded = self.load_cached(entry, &mut damage).unwrap_or_else(|| self.load_source(entry));
+        loaded.map(|mut sample| {
+            sample.warnings.extend(damage);
+            sample
+        })
+    }
+
+    /// Reads and checks one motion from its source, whatever a cache holds.
+    pub(super) fn load_source(&self, entry: &Entry) -> Result<Sample, Skipped> {
+        self.load_or_fault(entry).map_err(|(_, skipped)| skipped)
+    }
+
+    /// Like [`Dataset::load`] without the cache, and says what kind of fault there is.
+    ///
+    /// # Errors
+    /// The kind with [`Skipped`].
+    pub fn load_or_fault(&self, entry: &Entry) -> Result<Sample, (FaultKind, Skipped)> {
+        self.read(entry).map_err(|error| {
+            let skipped = Skipped {
+                id: entry.id.clone(),
+                source: entry.source.clone(),
+                reason: error.to_string().replace(['\n', '\r'], " "),
+            };
+            (error.kind(), skipped)
         })
     }
 

@@ -8,15 +8,24 @@
 
 mod archive;
 mod bundled_files;
+mod cache;
+mod caption_file;
 mod captions;
 mod entry;
 mod files;
 mod jsonl;
 mod load;
 pub mod mmm;
+mod pieces;
 mod table;
+mod word_vectors;
 
+pub use cache::default_cache_folder;
+pub use caption_file::{CaptionFile, CaptionRecord};
 pub use entry::Entry;
+pub use load::FaultKind;
+pub use pieces::{Meta, MetaSource, Named, Pieces};
+pub use word_vectors::{Coverage, VectorError, WordVectors};
 
 use std::path::{Path, PathBuf};
 
@@ -150,6 +159,9 @@ pub struct Dataset {
     entries: Vec<Entry>,
     skipped: Vec<Skipped>,
     options: OpenOptions,
+    /// Whether `files` is what the dataset consists of, rather than the folder around a file.
+    listed: bool,
+    cache: Option<cache::Cache>,
 }
 
 impl Dataset {
@@ -180,7 +192,7 @@ impl Dataset {
             "zip" => Self::list(Files::Archive(Archive::open(path)?), *options)?,
             "jsonl" => {
                 let (files, entries, skipped) = jsonl::open_manifest(path)?;
-                Self { files, entries, skipped, options: *options }
+                Self { files, entries, skipped, options: *options, listed: false, cache: None }
             }
             _ => Self::single(path, &extension, *options)?,
         };
@@ -199,13 +211,13 @@ impl Dataset {
         let (files, mut skipped) = (Files::Memory(files), Vec::new());
         let mut entries = entry::find_entries(&files, &names, &mut skipped);
         entries.sort_by(|a, b| a.id.cmp(&b.id));
-        Self { files, entries, skipped, options }
+        Self { files, entries, skipped, options, listed: true, cache: None }
     }
 
     fn list(files: Files, options: OpenOptions) -> Result<Self, DatasetError> {
         let (names, mut skipped) = files.names()?;
         let entries = entry::find_entries(&files, &names, &mut skipped);
-        Ok(Self { files, entries, skipped, options })
+        Ok(Self { files, entries, skipped, options, listed: true, cache: None })
     }
 
     fn single(path: &Path, extension: &str, options: OpenOptions) -> Result<Self, DatasetError> {
@@ -221,7 +233,7 @@ impl Dataset {
         let files = Files::Folder(folder.to_owned());
         let entry = entry::make_entry(&files, name, |other| folder.join(other).is_file());
         let entry = entry.ok_or_else(|| unsupported(reason))?;
-        Ok(Self { files, entries: vec![entry], skipped: Vec::new(), options })
+        Ok(Self { files, entries: vec![entry], skipped: Vec::new(), options, listed: false, cache: None })
     }
 
     fn sorted(mut self, path: &Path) -> Result<Self, DatasetError> {

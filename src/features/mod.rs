@@ -7,11 +7,16 @@ mod action;
 mod check;
 mod fingerprint;
 mod folder;
+pub mod prepare;
 mod prepared;
+mod split;
+mod tokens;
 mod vocabulary;
 
 pub use action::{LIMIT, Normalizer};
 pub use check::Unsound;
 pub use folder::{FEATURES_FILE, PreparedError, SET_FILE};
 pub use prepared::{CaptionFeatures, MotionFeatures, Pair, PreparedSet, Split};
+pub use split::SplitError;
+pub use tokens::TokenRule;
 pub use vocabulary::{BOS, EOS, Vocabulary};

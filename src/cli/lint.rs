@@ -1,0 +1,81 @@
+//! `rprae lint`: what is wrong with motions, in milliseconds.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use clap::Args;
+
+use super::exit::{Exit, Failure, OrExit};
+use super::output;
+use super::progress::Counter;
+use crate::dataset::{Dataset, OpenOptions};
+use crate::lint::{CHECKS, Severity, findings_json, findings_junit, findings_text, lint};
+use crate::manifest::write_file;
+
+#[derive(Debug, Args)]
+pub(super) struct LintArgs {
+    /// Motions: a file, a folder, a zip in the KIT-ML layout or a manifest; the bundled suite when absent
+    #[arg(value_name = "PATH")]
+    pub motions: Option<PathBuf>,
+    /// Write the findings as JSON; `-` writes them to standard output instead of the text
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Write the findings as JUnit XML, one test a motion
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// End with exit code 1 when there is a warning
+    #[arg(long)]
+    pub deny_warnings: bool,
+    /// List the checks
+    #[arg(long)]
+    pub checks: bool,
+    /// Frames per second of number tables, which do not say it themselves
+    #[arg(long, value_name = "HZ")]
+    pub rate: Option<f64>,
+    /// Body height in metres for number tables [default: 1.75]
+    #[arg(long, value_name = "METRES")]
+    pub height: Option<f64>,
+    /// Print nothing but errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+pub(super) fn run(args: &LintArgs) -> Result<Exit, Failure> {
+    if args.checks {
+        let lines: Vec<String> =
+            CHECKS.iter().map(|check| format!("{:<18}{}\n", check.code, check.looks_for)).collect();
+        output::print(&lines.concat()).or_failed()?;
+        return Ok(Exit::Clean);
+    }
+    let defaults = OpenOptions::default();
+    let options =
+        OpenOptions { rate_hz: args.rate, height_m: args.height.unwrap_or(defaults.height_m), ..defaults };
+    let dataset = match &args.motions {
+        Some(path) => Dataset::open(path, &options).or_usage()?,
+        None => Dataset::bundled(),
+    };
+    let (counter, done) = (Counter::new(args.quiet), AtomicUsize::new(0));
+    let total = dataset.entries().len();
+    let linted = lint(&dataset, &|| counter.show("linting", 1 + done.fetch_add(1, Ordering::Relaxed), total));
+    counter.finish();
+
+    let json_to_stdout = args.json.as_deref().is_some_and(|path| path.as_os_str() == "-");
+    if let Some(path) = &args.json {
+        let json = findings_json(&linted).or_failed()?;
+        if json_to_stdout {
+            output::print(&json).or_failed()?;
+        } else {
+            write_file(path, json.as_bytes()).or_failed()?;
+        }
+    }
+    if let Some(path) = &args.junit {
+        write_file(path, findings_junit(&linted, args.deny_warnings).or_failed()?.as_bytes()).or_failed()?;
+    }
+    if !args.quiet && !json_to_stdout {
+        output::print(&findings_text(&linted)).or_failed()?;
+    }
+    let worst = linted.iter().filter_map(crate::lint::Linted::worst).max();
+    let denied = args.deny_warnings && worst >= Some(Severity::Warning);
+    let refused = if worst == Some(Severity::Error) { Exit::Skipped } else { Exit::Clean };
+    Ok(refused.or_worse(if denied { Exit::Failed } else { Exit::Clean }))
+}
