@@ -9,6 +9,9 @@ use crate::panels::{Panels, WIDE};
 /// Four vectors for each of `M` rows.
 type Block<V, const M: usize> = [[V; WIDE]; M];
 
+/// The most rows in a block.
+const M_MAX: usize = 6;
+
 /// One factor of a product: rows of a matrix, and the packed weights they meet.
 #[derive(Clone, Copy)]
 pub(crate) struct Operand<'a, T> {
@@ -20,7 +23,7 @@ pub(crate) struct Operand<'a, T> {
 
 /// Rows in a block: as many as registers hold beside the weights.
 const fn block_rows(registers: usize) -> usize {
-    if registers >= 32 { 6 } else { 2 }
+    if registers >= 32 { M_MAX } else { 2 }
 }
 
 /// Calls `$body` with `$m` the number of rows of each block, blocks as even as they can be.
@@ -64,6 +67,30 @@ macro_rules! blocks {
     }};
 }
 
+// A block lives in registers only if every place in it is named by a constant: these loops are short enough to be unrolled.
+
+#[inline(always)]
+fn load<V: Copy, const M: usize>(from: &[V]) -> Block<V, M> {
+    let from = &from[..M * WIDE];
+    let mut block = [[from[0]; WIDE]; M];
+    for m in 0..M {
+        for v in 0..WIDE {
+            block[m][v] = from[m * WIDE + v];
+        }
+    }
+    block
+}
+
+#[inline(always)]
+fn store<V: Copy, const M: usize>(block: &Block<V, M>, to: &mut [V]) {
+    let to = &mut to[..M * WIDE];
+    for m in 0..M {
+        for v in 0..WIDE {
+            to[m * WIDE + v] = block[m][v];
+        }
+    }
+}
+
 /// Adds the product of `M` rows of `left` (panels of `WIDTH` vectors) with the weights.
 #[inline(always)]
 fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: usize>(
@@ -76,25 +103,13 @@ fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: usize>(
     let weights = S::vectors(operand.weights);
     for (panel, weights) in operand.left.panels.iter().zip(weights.chunks(WIDE * width)) {
         let left = &panel[(operand.first_row + row) * width..][..M * width];
-        let depth = weights.len() / WIDE;
-        if depth == width {
-            // Lengths the compiler knows need no checks.
-            let weights = &weights[..WIDE * width];
-            for k in 0..width {
-                for m in 0..M {
-                    let factor = s.splat(left[m * width + k]);
-                    for v in 0..WIDE {
-                        sums[m][v] = s.mul_add(factor, weights[k * WIDE + v], sums[m][v]);
-                    }
-                }
-            }
-        } else {
-            for (k, weights) in weights.chunks_exact(WIDE).enumerate() {
-                for m in 0..M {
-                    let factor = s.splat(left[m * width + k]);
-                    for v in 0..WIDE {
-                        sums[m][v] = s.mul_add(factor, weights[v], sums[m][v]);
-                    }
+        // Bounded by a constant on one side and by the iterator on the other, the loop needs no checks; with any, the
+        // compiler would store all sums at every turn.
+        for (k, weights) in (0..width).zip(weights.chunks_exact(WIDE)) {
+            for m in 0..M {
+                let factor = s.splat(left[m * width + k]);
+                for v in 0..WIDE {
+                    sums[m][v] = s.mul_add(factor, weights[v], sums[m][v]);
                 }
             }
         }
@@ -153,16 +168,17 @@ impl<T: Number> Kernel<T> for Product<'_, '_, T> {
                 let out = S::vectors_mut(out);
                 blocks!(S, T, self.rows, |row, M| {
                     let sums = add_operand::<T, S, M>(s, [start; M], operand, row);
-                    for (out, sums) in out[row * WIDE..].chunks_exact_mut(WIDE).zip(sums) {
-                        out.copy_from_slice(&sums);
-                    }
+                    store(&sums, &mut out[row * WIDE..]);
                 });
             }
             Target::Narrow(panels) => {
                 blocks!(S, T, self.rows, |row, M| {
                     let sums = add_operand::<T, S, M>(s, [start; M], operand, row);
+                    let mut block = [sums[0][0]; WIDE * M_MAX];
+                    store(&sums, &mut block);
                     for (v, panel) in panels.iter_mut().enumerate() {
-                        for (out, sums) in S::vectors_mut(panel)[row..].iter_mut().zip(sums) {
+                        let panel = &mut S::vectors_mut(panel)[row..row + M];
+                        for (out, sums) in panel.iter_mut().zip(block.chunks_exact(WIDE)) {
                             *out = sums[v];
                         }
                     }
@@ -199,25 +215,25 @@ impl<T: Number> Kernel<T> for Step<'_, T> {
         let (hidden, next) = (S::vectors_mut(self.hidden), S::vectors_mut(self.next));
         blocks!(S, T, self.rows, |row, M| {
             let gates = &mut gates[row * WIDE..][..M * WIDE];
-            let mut sums: Block<S::V, M> = match self.bias {
+            let mut sums = match self.bias {
                 Some(bias) => [std::array::from_fn(|v| S::vectors(bias)[v]); M],
-                None => std::array::from_fn(|m| std::array::from_fn(|v| gates[m * WIDE + v])),
+                None => load(gates),
             };
             if let Some(input) = self.input {
                 sums = add_operand::<T, S, M>(s, sums, input, row);
             }
             sums = add_product::<T, S, M, 1>(s, sums, self.recurrent, row);
-            for m in 0..M {
-                let [i, f, g, o] = sums[m];
-                let (i, f, g, o) = (s.sigmoid(i), s.sigmoid(f), s.tanh(g), s.sigmoid(o));
-                let cell = s.mul_add(f, previous[row + m], s.mul(i, g));
-                let h = s.mul(o, s.tanh(cell));
-                gates[m * WIDE..][..WIDE].copy_from_slice(&[i, f, g, o]);
-                cells[row + m] = cell;
-                hidden[row + m] = h;
-                next[row + m] = h;
-            }
+            store(&sums, gates);
         });
+        let states = hidden.iter_mut().zip(next).zip(cells.iter_mut().zip(previous));
+        for (gates, ((hidden, next), (cell, previous))) in gates.chunks_exact_mut(WIDE).zip(states) {
+            let (i, f) = (s.sigmoid(gates[0]), s.sigmoid(gates[1]));
+            let (g, o) = (s.tanh(gates[2]), s.sigmoid(gates[3]));
+            *cell = s.mul_add(f, *previous, s.mul(i, g));
+            *hidden = s.mul(o, s.tanh(*cell));
+            *next = *hidden;
+            gates.copy_from_slice(&[i, f, g, o]);
+        }
     }
 }
 
@@ -329,9 +345,7 @@ impl<T: Number> Outer<'_, T> {
                 }
             }
         }
-        for (sums, block) in sums.chunks_exact_mut(WIDE).zip(block) {
-            sums.copy_from_slice(&block);
-        }
+        store(&block, sums);
     }
 }
 
