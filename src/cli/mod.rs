@@ -4,6 +4,7 @@
 //! Arguments become typed settings once, here; everything below takes values, not strings.
 
 mod canaries;
+mod doctor;
 mod exit;
 mod lint;
 mod metrics;
@@ -15,6 +16,7 @@ mod resolve;
 mod retarget;
 mod sim;
 mod summary;
+mod train;
 mod urdf;
 mod view;
 
@@ -55,6 +57,8 @@ struct Rprae {
 enum Verb {
     /// Run motions through the simulator and score them; the same as `eval-sim`
     Sim(Box<sim::SimArgs>),
+    /// Train a model that translates between descriptions and motions
+    Train(Box<train::TrainArgs>),
     /// Turn motions, captions and word vectors into the folder that training reads
     Prepare(Box<prepare::PrepareArgs>),
     /// Check motions in milliseconds: units, axes, limits, jumps, sides, floor
@@ -67,6 +71,8 @@ enum Verb {
     View(view::ViewArgs),
     /// Write the URDF of the humanoid for a height and mass
     Urdf(urdf::UrdfArgs),
+    /// Examine this machine and build: versions, memory, graphics adapters, and whether they compute the same
+    Doctor(doctor::DoctorArgs),
     /// List the metrics, or explain one, or print all of one name side by side for motions
     Metrics(metrics::MetricsArgs),
     /// Put faults into clean motions and see which metric sees which; exit code 1 when a required answer is missing
@@ -86,6 +92,8 @@ pub fn rprae() -> ExitCode {
     let Rprae { verb } = Rprae::parse();
     finish(match verb {
         Verb::Sim(args) => sim::run(&args),
+        Verb::Train(args) => train::run(&args),
+        Verb::Doctor(args) => doctor::run(&args),
         Verb::Prepare(args) => prepare::run(&args),
         Verb::Lint(args) => lint::run(&args),
         Verb::Retarget(args) => retarget::run(&args),

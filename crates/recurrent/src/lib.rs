@@ -1,1 +1,17 @@
 //! Fast LSTM sequences of mixed lengths on the CPU, forward and backward.
+
+mod closed_loop;
+mod kernel;
+mod lanes;
+mod layer;
+mod panels;
+mod plan;
+mod sequence;
+mod weights;
+
+pub use closed_loop::{ClosedLoop, ClosedLoopGradients, Decoder, Feedback, Projection};
+pub use lanes::Instructions;
+pub use layer::State;
+pub use plan::{Direction, Plan};
+pub use sequence::{Sequence, SequenceGradients};
+pub use weights::{LayerGradients, LayerWeights};

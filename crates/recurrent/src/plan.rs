@@ -1,0 +1,190 @@
+//! Which sequences are at work at which step.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::lanes::{Instructions, Number};
+use crate::panels::Panels;
+
+/// The order in which a sequence is read.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Direction {
+    /// From the first frame to the last.
+    Forward,
+    /// From the last valid frame to the first.
+    Backward,
+}
+
+/// A batch of sequences, the longest first, so that those still at work at any step are the first so many.
+///
+/// Frames are numbered step by step: all sequences at step 0, then those at work at step 1, and so on; frames of padding
+/// have no number and cost nothing.
+#[derive(Debug, Clone)]
+pub struct Plan {
+    /// Place in the caller's batch of each row.
+    order: Vec<usize>,
+    /// Length of each row, not rising.
+    lengths: Vec<usize>,
+    /// First frame of each step, and the number of frames at the end.
+    offsets: Vec<usize>,
+    width: usize,
+    direction: Direction,
+    pub(crate) instructions: Instructions,
+}
+
+impl Plan {
+    /// Plans a batch of `lengths.len()` sequences stored `width` frames apart.
+    ///
+    /// # Panics
+    ///
+    /// If a length exceeds `width`.
+    #[must_use]
+    pub fn new(lengths: &[usize], width: usize, direction: Direction, instructions: Instructions) -> Self {
+        let mut order: Vec<usize> = (0..lengths.len()).collect();
+        order.sort_by_key(|&index| std::cmp::Reverse(lengths[index]));
+        let sorted: Vec<usize> = order.iter().map(|&index| lengths[index]).collect();
+        let steps = sorted.first().copied().unwrap_or(0);
+        assert!(steps <= width, "a sequence of {steps} frames in a batch of width {width}");
+        let mut offsets = vec![0];
+        let mut frames = 0;
+        for step in 0..steps {
+            frames += sorted.partition_point(|&length| length > step);
+            offsets.push(frames);
+        }
+        Self { order, lengths: sorted, offsets, width, direction, instructions }
+    }
+
+    /// Sequences in the batch.
+    #[must_use]
+    pub fn batch(&self) -> usize {
+        self.order.len()
+    }
+
+    /// Frames of all sequences together, without padding.
+    #[must_use]
+    pub fn num_frames(&self) -> usize {
+        self.offsets[self.num_steps()]
+    }
+
+    /// Frames of the longest sequence.
+    #[must_use]
+    pub fn num_steps(&self) -> usize {
+        self.offsets.len() - 1
+    }
+
+    /// Frames from the start of one sequence to the next in the caller's batch.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Frames of a step.
+    pub(crate) fn frames(&self, step: usize) -> Range<usize> {
+        self.offsets[step]..self.offsets[step + 1]
+    }
+
+    /// Place in the caller's batch, row by row.
+    pub(crate) fn order(&self) -> &[usize] {
+        &self.order
+    }
+
+    /// For each frame in turn, where it stands in the caller's `[batch, time]`.
+    fn places(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.num_steps())
+            .flat_map(move |step| (0..self.frames(step).len()).map(move |row| self.place(row, step)))
+    }
+
+    fn place(&self, row: usize, step: usize) -> usize {
+        let time = match self.direction {
+            Direction::Forward => step,
+            Direction::Backward => self.lengths[row] - 1 - step,
+        };
+        self.order[row] * self.width + time
+    }
+
+    /// The last frame of each row, in terms of frame numbers; none for an empty sequence.
+    pub(crate) fn last_frames(&self) -> impl Iterator<Item = Option<usize>> + '_ {
+        self.lengths.iter().enumerate().map(|(row, &length)| Some(self.offsets[length.checked_sub(1)?] + row))
+    }
+
+    /// Values `[batch, time, column]` as one row for each frame.
+    pub(crate) fn gather<T: Number>(&self, values: &[T], columns: usize, width: usize) -> Panels<T> {
+        let mut panels = Panels::zeros(self.num_frames(), columns, width);
+        let ranges: Vec<_> = panels.column_ranges().collect();
+        panels.panels.par_iter_mut().zip(ranges).for_each(|(panel, range)| {
+            for (row, place) in panel.chunks_exact_mut(width).zip(self.places()) {
+                row[..range.len()].copy_from_slice(&values[place * columns..][range.clone()]);
+            }
+        });
+        panels
+    }
+
+    /// The reverse of [`Plan::gather`]: rows from `first_row` on, zeros in the padding.
+    pub(crate) fn scatter<T: Number>(&self, panels: &Panels<T>, first_row: usize) -> Vec<T> {
+        let columns = panels.columns;
+        let mut values = vec![T::default(); self.batch() * self.width * columns];
+        if columns * self.width == 0 {
+            return values;
+        }
+        let mut rows = vec![0; self.batch()];
+        for (row, &index) in self.order.iter().enumerate() {
+            rows[index] = row;
+        }
+        values.par_chunks_exact_mut(self.width * columns).zip(rows).for_each(|(sequence, row)| {
+            for step in 0..self.lengths[row] {
+                let time = self.place(row, step) % self.width;
+                let frame = first_row + self.offsets[step] + row;
+                panels.get_row(frame, &mut sequence[time * columns..][..columns]);
+            }
+        });
+        values
+    }
+
+    /// Values `[batch, column]` as rows.
+    pub(crate) fn gather_rows<T: Number>(&self, values: &[T], columns: usize, width: usize) -> Panels<T> {
+        let mut panels = Panels::zeros(self.batch(), columns, width);
+        for (row, &index) in self.order.iter().enumerate() {
+            panels.set_row(row, &values[index * columns..][..columns]);
+        }
+        panels
+    }
+
+    /// The reverse of [`Plan::gather_rows`].
+    pub(crate) fn scatter_rows<T: Number>(&self, panels: &Panels<T>) -> Vec<T> {
+        let mut values = vec![T::default(); self.batch() * panels.columns];
+        for (row, &index) in self.order.iter().enumerate() {
+            panels.get_row(row, &mut values[index * panels.columns..][..panels.columns]);
+        }
+        values
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_numbered_step_by_step_and_come_back_where_they_were() {
+        let lengths = [2, 0, 3, 1];
+        for (direction, first) in [(Direction::Forward, 60.0), (Direction::Backward, 80.0)] {
+            let plan = Plan::new(&lengths, 4, direction, Instructions::best());
+            assert_eq!(plan.order(), [2, 0, 3, 1]);
+            assert_eq!((plan.num_frames(), plan.num_steps()), (6, 3));
+            assert_eq!(plan.frames(1), 3..5);
+            assert_eq!(plan.last_frames().collect::<Vec<_>>(), [Some(5), Some(4), Some(2), None]);
+            // Ten times the place, plus the column.
+            let values: Vec<f32> = (0..32).map(|i| (i / 2 * 10 + i % 2) as f32 - 20.0).collect();
+            let panels = plan.gather(&values, 2, 16);
+            assert_eq!(panels.panels[0][..2], [first, first + 1.0]);
+            let back = plan.scatter(&panels, 0);
+            for (sequence, length) in lengths.into_iter().enumerate() {
+                for time in 0..4 {
+                    let at = (sequence * 4 + time) * 2..(sequence * 4 + time) * 2 + 2;
+                    let want = if time < length { values[at.clone()].to_vec() } else { vec![0.0; 2] };
+                    assert_eq!(back[at], want);
+                }
+            }
+        }
+    }
+}

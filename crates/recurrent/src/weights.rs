@@ -1,0 +1,166 @@
+//! Weights in the order in which the kernels read them, and gradients back in the caller's order.
+
+use rayon::prelude::*;
+
+use crate::lanes::Number;
+use crate::panels::{Buffer, WIDE};
+
+/// Weights of one layer, row after row; gates in the order input, forget, cell, output.
+#[derive(Debug, Clone, Copy)]
+pub struct LayerWeights<'a, T> {
+    /// `[feature, 4 * hidden]`.
+    pub input: &'a [T],
+    /// `[hidden, 4 * hidden]`.
+    pub recurrent: &'a [T],
+    /// `[4 * hidden]`.
+    pub bias: &'a [T],
+}
+
+impl<T> LayerWeights<'_, T> {
+    /// Units of the layer.
+    #[must_use]
+    pub fn hidden(&self) -> usize {
+        self.bias.len() / WIDE
+    }
+
+    /// Numbers the layer hears at each step.
+    #[must_use]
+    pub fn feature(&self) -> usize {
+        if self.bias.is_empty() { 0 } else { self.input.len() / self.bias.len() }
+    }
+
+    pub(crate) fn check(&self) {
+        let hidden = self.hidden();
+        assert!(hidden > 0 && self.bias.len() == WIDE * hidden, "a bias of {} numbers", self.bias.len());
+        assert_eq!(self.recurrent.len(), WIDE * hidden * hidden, "recurrent weights of {hidden} units");
+        assert_eq!(self.input.len(), WIDE * hidden * self.feature(), "input weights of {hidden} units");
+    }
+}
+
+/// Gradients of [`LayerWeights`], of the same shapes.
+#[derive(Debug, Clone)]
+pub struct LayerGradients<T> {
+    /// `[feature, 4 * hidden]`.
+    pub input: Vec<T>,
+    /// `[hidden, 4 * hidden]`.
+    pub recurrent: Vec<T>,
+    /// `[4 * hidden]`.
+    pub bias: Vec<T>,
+}
+
+/// One buffer for each panel of the product, `[row of the matrix, 4 vectors]`.
+pub(crate) type Packed<T> = Vec<Buffer<T>>;
+
+/// Packs a matrix `[row, 4 * hidden]` for the gates of each panel of units.
+pub(crate) fn pack_gates<T: Number>(matrix: &[T], hidden: usize, lanes: usize) -> Packed<T> {
+    let rows = matrix.len() / (WIDE * hidden);
+    let firsts: Vec<usize> = (0..hidden).step_by(lanes).collect();
+    firsts
+        .into_par_iter()
+        .map(|first| {
+            let units = lanes.min(hidden - first);
+            let mut packed = Buffer::zeros(rows * WIDE * lanes);
+            let sources = matrix.chunks_exact(WIDE * hidden);
+            for (packed, source) in packed.chunks_exact_mut(WIDE * lanes).zip(sources) {
+                for (packed, source) in packed.chunks_exact_mut(lanes).zip(source.chunks_exact(hidden)) {
+                    packed[..units].copy_from_slice(&source[first..first + units]);
+                }
+            }
+            packed
+        })
+        .collect()
+}
+
+/// The reverse of [`pack_gates`].
+pub(crate) fn unpack_gates<T: Number>(packed: &Packed<T>, hidden: usize, lanes: usize) -> Vec<T> {
+    let rows = packed.first().map_or(0, |panel| panel.len() / (WIDE * lanes));
+    let mut matrix = vec![T::default(); rows * WIDE * hidden];
+    matrix.par_chunks_exact_mut(WIDE * hidden).enumerate().for_each(|(row, matrix)| {
+        for (gate, matrix) in matrix.chunks_exact_mut(hidden).enumerate() {
+            for (panel, matrix) in packed.iter().zip(matrix.chunks_mut(lanes)) {
+                matrix.copy_from_slice(&panel[(row * WIDE + gate) * lanes..][..matrix.len()]);
+            }
+        }
+    });
+    matrix
+}
+
+/// Packs a matrix `[row, column]` for wide panels of columns.
+pub(crate) fn pack_columns<T: Number>(matrix: &[T], columns: usize, lanes: usize) -> Packed<T> {
+    let width = WIDE * lanes;
+    let rows = matrix.len() / columns;
+    let firsts: Vec<usize> = (0..columns).step_by(width).collect();
+    firsts
+        .into_par_iter()
+        .map(|first| {
+            let length = width.min(columns - first);
+            let mut packed = Buffer::zeros(rows * width);
+            for (packed, source) in packed.chunks_exact_mut(width).zip(matrix.chunks_exact(columns)) {
+                packed[..length].copy_from_slice(&source[first..first + length]);
+            }
+            packed
+        })
+        .collect()
+}
+
+/// The reverse of [`pack_columns`].
+pub(crate) fn unpack_columns<T: Number>(packed: &Packed<T>, columns: usize, lanes: usize) -> Vec<T> {
+    let width = WIDE * lanes;
+    let rows = packed.first().map_or(0, |panel| panel.len() / width);
+    let mut matrix = vec![T::default(); rows * columns];
+    for (row, matrix) in matrix.chunks_exact_mut(columns).enumerate() {
+        for (panel, matrix) in packed.iter().zip(matrix.chunks_mut(width)) {
+            matrix.copy_from_slice(&panel[row * width..][..matrix.len()]);
+        }
+    }
+    matrix
+}
+
+/// Packs the transpose of a matrix `[row, column]`: products with it run over columns and yield wide panels of rows.
+///
+/// Columns are taken in pieces: `pieces` yields, in the order of the product's factors, the first column and the number of
+/// columns of each piece, and with how many zeros it is filled up.
+fn pack_transposed<T: Number>(
+    matrix: &[T],
+    columns: usize,
+    lanes: usize,
+    pieces: &[(usize, usize, usize)],
+) -> Packed<T> {
+    let width = WIDE * lanes;
+    let depth: usize = pieces.iter().map(|(_, length, padding)| length + padding).sum();
+    let rows: Vec<&[T]> = matrix.chunks_exact(columns).collect();
+    rows.par_chunks(width)
+        .map(|rows| {
+            let mut packed = Buffer::zeros(depth * width);
+            let mut at = 0;
+            for &(first, length, padding) in pieces {
+                let target = &mut packed[at * width..][..length * width];
+                for (row, source) in rows.iter().enumerate() {
+                    let source = &source[first..first + length];
+                    for (target, &number) in target.chunks_exact_mut(width).zip(source) {
+                        target[row] = number;
+                    }
+                }
+                at += length + padding;
+            }
+            packed
+        })
+        .collect()
+}
+
+/// Packs the transpose of a matrix `[row, 4 * hidden]` for factors that are gates of panels of units.
+pub(crate) fn pack_gates_transposed<T: Number>(matrix: &[T], hidden: usize, lanes: usize) -> Packed<T> {
+    let pieces: Vec<_> = (0..hidden)
+        .step_by(lanes)
+        .flat_map(|first| {
+            let units = lanes.min(hidden - first);
+            (0..WIDE).map(move |gate| (gate * hidden + first, units, lanes - units))
+        })
+        .collect();
+    pack_transposed(matrix, WIDE * hidden, lanes, &pieces)
+}
+
+/// Packs the transpose of a matrix `[row, column]`.
+pub(crate) fn pack_columns_transposed<T: Number>(matrix: &[T], columns: usize, lanes: usize) -> Packed<T> {
+    pack_transposed(matrix, columns, lanes, &[(0, columns, 0)])
+}

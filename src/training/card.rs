@@ -1,0 +1,93 @@
+//! The model card of a run.
+
+use std::fmt::Write as _;
+
+use super::folder::RunFacts;
+use super::plan::Plan;
+use super::record::Validation;
+use super::run::Trained;
+use super::settings::RunSettings;
+use crate::features::{PreparedSet, Split};
+
+/// What a bundle says of itself, as Markdown.
+#[must_use]
+pub fn card(
+    settings: &RunSettings,
+    set: &PreparedSet,
+    facts: &RunFacts,
+    trained: &Trained,
+    validation: Option<&Validation>,
+) -> String {
+    let plan = Plan::new(&settings.training, set);
+    let parameters: Vec<String> =
+        facts.parameters.iter().map(|(part, count)| format!("| {part} | {count} |")).collect();
+    let in_split = |split| set.motions.iter().filter(|motion| motion.split == split).count();
+    let notes = settings.notes.trim();
+    let notes =
+        if notes.is_empty() { "None were given with `notes` in the settings of the run." } else { notes };
+    let mut card = format!(
+        "# A trained rPRAE model\n\n\
+         Translates between descriptions and whole-body motions of 50 channels at {} Hz. Method: Toyoda, Suzuki, Hayashi,\n\
+         Ogata, \"Learning Bidirectional Translation between Descriptions and Actions with Small Paired Data\", IEEE RA-L\n\
+         7(4), 2022. Made by rprae {} on {}.\n\n\
+         ## Data\n\n\
+         | | |\n|---|---|\n\
+         | motions in training, validation and test | {}, {}, {} |\n\
+         | non-paired motions and captions of stage 1 | {}, {} |\n\
+         | pairs of stage 2 | {} |\n\
+         | words, of which with a given vector | {}, {} |\n\
+         | fingerprint | `{}` |\n\n\
+         ## Training\n\n\
+         Iterations {} of {} (stage 1: {}, stage 2: {}); these are the weights after iteration {}. Seed {}, batches of {},\n\
+         parts alternate every {} iterations, Adam at {}. Everything else: `settings.toml` of the run.\n\n\
+         | part | trained numbers |\n|---|---|\n{}\n\n",
+        set.rate_hz,
+        facts.rprae,
+        facts.device,
+        in_split(Split::Train),
+        in_split(Split::Validation),
+        in_split(Split::Test),
+        set.non_paired_motions.len(),
+        set.non_paired_captions.len(),
+        set.paired.len(),
+        set.vocabulary.words.len(),
+        set.vocabulary.vectors.iter().flatten().count(),
+        set.fingerprint,
+        trained.done,
+        plan.total(),
+        plan.stage1,
+        plan.stage2,
+        trained.iteration,
+        settings.seed,
+        settings.training.batch_size,
+        settings.training.alternate_every,
+        settings.training.learning_rate,
+        parameters.join("\n"),
+    );
+    if let Some(found) = validation {
+        let losses = found.validation.named();
+        let rows: Vec<String> =
+            losses.iter().map(|(name, loss)| format!("| {name} loss | {loss:.4} |")).collect();
+        // Writing to a string cannot fail.
+        let _ = write!(
+            card,
+            "On the validation pairs, in closed loop:\n\n| | |\n|---|---|\n{}\n\
+             | words of captions written from motions that are right, place by place | {:.1} % |\n\
+             | error of motions made from captions, rms, normalised units | {:.4} |\n\n",
+            rows.join("\n"),
+            100.0 * found.m2t_word_accuracy,
+            found.t2m_error,
+        );
+    }
+    let _ = write!(
+        card,
+        "## Source and licence of the data\n\n{notes}\n\n\
+         This folder holds the words of the training captions with their vectors, and statistics of the motions. Whoever\n\
+         passes it on passes these on too: the licences of the captions, motions and word vectors apply.\n\n\
+         ## Limits\n\n\
+         Motions begin at one frame, the mean of the training motions' first, unless another is given; their length is read off\n\
+         the latent by a small head the paper does not have. Nothing here knows physics: simulate what it makes before\n\
+         believing it.\n"
+    );
+    card
+}
