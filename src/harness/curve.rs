@@ -203,7 +203,7 @@ fn run_motion(
     for draw in 0..num_draws {
         for &magnitude in &curve.magnitudes {
             let conditions = Draw::new(settings.seed, &sample.id, draw).conditions(
-                simulation.undisturbed(),
+                &simulation.undisturbed(),
                 curve.condition,
                 magnitude,
                 sample.motion.duration_secs(),
@@ -259,14 +259,14 @@ impl Draw {
 
     fn conditions(
         &self,
-        undisturbed: Conditions,
+        undisturbed: &Conditions,
         condition: Condition,
         magnitude: f64,
         duration_secs: f64,
     ) -> Conditions {
         let start_offsets_rad = Some(self.offsets_rad);
         match condition {
-            Condition::Assist => Conditions { assist_limit: magnitude / 100.0, ..undisturbed },
+            Condition::Assist => Conditions { assist_limit: magnitude / 100.0, ..undisturbed.clone() },
             Condition::Push => {
                 let (sin, cos) = self.direction_rad.sin_cos();
                 let push = Push {
@@ -274,14 +274,16 @@ impl Draw {
                     duration_secs: PUSH_SECS,
                     force_n: Vector3::new(cos, sin, 0.0) * (magnitude / PUSH_SECS),
                 };
-                Conditions { push: Some(push), start_offsets_rad, ..undisturbed }
+                Conditions { push: Some(push), start_offsets_rad, ..undisturbed.clone() }
             }
             Condition::Friction => {
-                Conditions { friction_factor: magnitude, start_offsets_rad, ..undisturbed }
+                Conditions { friction_factor: magnitude, start_offsets_rad, ..undisturbed.clone() }
             }
-            Condition::Mass => Conditions { mass_factor: magnitude, start_offsets_rad, ..undisturbed },
+            Condition::Mass => {
+                Conditions { mass_factor: magnitude, start_offsets_rad, ..undisturbed.clone() }
+            }
             Condition::Latency => {
-                Conditions { latency_secs: magnitude / 1000.0, start_offsets_rad, ..undisturbed }
+                Conditions { latency_secs: magnitude / 1000.0, start_offsets_rad, ..undisturbed.clone() }
             }
         }
     }
