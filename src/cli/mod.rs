@@ -4,6 +4,7 @@
 //! Arguments become typed settings once, here; everything below takes values, not strings.
 
 mod canaries;
+mod curve;
 mod doctor;
 mod exit;
 mod lint;
@@ -65,6 +66,8 @@ enum Verb {
     Lint(lint::LintArgs),
     /// Make motions of the humanoid from motion capture: BVH, ASF/AMC, joint positions
     Retarget(retarget::RetargetArgs),
+    /// Run motions under one condition made harder and harder: less assist, pushes, friction, mass, latency
+    Curve(Box<curve::CurveArgs>),
     /// Compare a run with an accepted one; exit code 4 on a regression
     Regress(regress::RegressArgs),
     /// Print the commands that open the recordings of a run
@@ -77,6 +80,8 @@ enum Verb {
     Metrics(metrics::MetricsArgs),
     /// Put faults into clean motions and see which metric sees which; exit code 1 when a required answer is missing
     Canaries(canaries::CanariesArgs),
+    /// Check that this machine and build can be trusted
+    Doctor(doctor::DoctorArgs),
 }
 
 /// Runs `eval-sim` with the arguments of the process.
@@ -97,11 +102,13 @@ pub fn rprae() -> ExitCode {
         Verb::Prepare(args) => prepare::run(&args),
         Verb::Lint(args) => lint::run(&args),
         Verb::Retarget(args) => retarget::run(&args),
+        Verb::Curve(args) => curve::run(&args),
         Verb::Regress(args) => regress::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Urdf(args) => urdf::run(&args),
         Verb::Metrics(args) => metrics::run(&args),
         Verb::Canaries(args) => canaries::run(&args),
+        Verb::Doctor(args) => doctor::run(&args),
     })
 }
 

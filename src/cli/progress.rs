@@ -43,7 +43,7 @@ impl Display {
                 self.step(&case.id, &what, failure(case));
             }
             Progress::Skipped { input } => {
-                self.line(&format!("skipped {}: {}", shorten(&input.id, 40), shorten(&input.reason, 400)));
+                self.note(&format!("skipped {}: {}", shorten(&input.id, 40), shorten(&input.reason, 400)));
             }
         }
     }
@@ -52,7 +52,7 @@ impl Display {
         let done = 1 + self.num_done.fetch_add(1, Ordering::Relaxed);
         let id = shorten(id, 40);
         if let Some(reason) = failure {
-            self.line(&format!("failed {id}: {}", shorten(reason, 400)));
+            self.note(&format!("failed {id}: {}", shorten(reason, 400)));
         }
         match &self.bar {
             Some(bar) => {
@@ -60,6 +60,14 @@ impl Display {
                 bar.inc(1);
             }
             None => self.line(&format!("[{done}/{}] {id}: {what}", self.num_cases.load(Ordering::Relaxed))),
+        }
+    }
+
+    /// What bears on the results is said even when nothing else is.
+    fn note(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            None => eprintln!("{text}"),
         }
     }
 

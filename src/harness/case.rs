@@ -13,7 +13,7 @@ use crate::manifest::{RunKey, SkippedInput};
 use crate::plausibility::{Score, inverse_scores, kinematic_scores, rollout_scores};
 use crate::recording::{Recorder, RecordingError, RecordingHeader, RecordingSummary};
 use crate::report::{CaseResult, LevelResult};
-use crate::simulation::{Level, Outcome, Rollout, RolloutSample, Simulation};
+use crate::simulation::{Event, Level, Observer, Outcome, Rollout, RolloutSample, Simulation};
 
 /// What all cases of a run share.
 pub(super) struct CaseContext<'a> {
@@ -147,7 +147,7 @@ fn simulated_level(
     failures: &mut Vec<String>,
 ) {
     let level = result.level;
-    let rollout = match simulation.run(level, &mut |sample| recording.sample(sample)) {
+    let rollout = match simulation.run_under(level, &simulation.undisturbed(), &mut recording) {
         Ok(rollout) => rollout,
         Err(error) => {
             failures.push(format!("{level}: {error}"));
@@ -208,9 +208,10 @@ impl Recording {
         }
     }
 
-    fn sample(&mut self, sample: &RolloutSample) {
+    /// Writes on, unless something went wrong before.
+    fn write(&mut self, write: impl FnOnce(&mut Recorder) -> Result<(), RecordingError>) {
         if let Some(recorder) = &mut self.recorder
-            && let Err(error) = recorder.sample(sample)
+            && let Err(error) = write(recorder)
         {
             self.recorder = None;
             self.error = Some(error);
@@ -232,6 +233,16 @@ impl Recording {
         let result_json = serde_json::to_string_pretty(result).unwrap_or_default();
         recorder.finish(rollout, &RecordingSummary { result_json: &result_json, scores })?;
         Ok(Some(self.path))
+    }
+}
+
+impl Observer for Recording {
+    fn sample(&mut self, sample: &RolloutSample) {
+        self.write(|recorder| recorder.sample(sample));
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.write(|recorder| recorder.event(event));
     }
 }
 

@@ -18,27 +18,35 @@ pub const KEY_METRICS: &[&str] = &[
 mod aggregate;
 mod case;
 mod cell;
+mod chart;
 mod csv;
+mod curve;
 mod html;
 mod markdown;
 mod notes;
 mod number;
+mod random;
 mod ranking;
 pub mod regression;
 mod results;
 pub mod retargeting;
 mod table;
+mod wilson;
 
 pub use aggregate::{Aggregate, Interval, aggregate};
 pub use case::{CaseResult, LevelResult, MetricRecord};
+pub use chart::{Chart, Panel, Point, Series};
 pub use csv::scores_csv;
+pub use curve::{Curve, CurvePoint, CurveRollout};
 pub use html::results_html;
 pub use markdown::results_markdown;
 pub use notes::{Note, NoteKind, notes};
 pub use number::{compact, shorten};
+pub use random::SplitMix64;
 pub use ranking::worst_first;
 pub use results::{RESULTS_FORMAT, ReadError, Results};
 pub use table::{Align, Column, Table, results_table};
+pub use wilson::wilson_interval;
 
 #[cfg(test)]
 mod tests {
