@@ -8,7 +8,7 @@ use clap::Args;
 use super::exit::{Exit, Failure, OrExit};
 use super::output;
 use crate::manifest::write_file;
-use crate::report::{CaseResult, Results, compact};
+use crate::report::{CaseResult, MetricRecord, Results, compact};
 
 /// Metrics of the distribution.
 const KEYS: [&str; 9] = [
@@ -61,7 +61,7 @@ fn text(results: &Results) -> String {
         let mut values: Vec<f64> = simulable.iter().filter_map(|case| case.score(key)).collect();
         values.sort_by(f64::total_cmp);
         let (Some(min), Some(max)) = (values.first(), values.last()) else { continue };
-        let unit = results.metric(key).map_or(String::new(), |metric| metric.title_with_unit());
+        let unit = results.metric(key).map_or_else(String::new, MetricRecord::title_with_unit);
         let cells: Vec<String> = QUANTILES.map(|share| compact(quantile(&values, share))).to_vec();
         let _ = writeln!(
             text,
