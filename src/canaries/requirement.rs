@@ -173,6 +173,7 @@ mod tests {
             paired: area,
             num_values: [9, 9],
             num_clips: 3,
+            num_changed: 3,
         };
         let mut report = Report {
             clips: Vec::new(),

@@ -122,8 +122,8 @@ fn matrix(report: &Report, all: bool) -> Table {
         report.verdicts.iter().any(|verdict| {
             let requirement = &verdict.requirement;
             // The controls are required of every metric; they alone make no row.
-            requirement.metric == key && !matches!(requirement.fault, Fault::Mirror | Fault::TimeReversal)
-                || requirement.metric == key && !verdict.holds
+            let is_control = matches!(requirement.fault, Fault::Mirror | Fault::TimeReversal);
+            requirement.metric == key && (!is_control || !verdict.holds)
         })
     };
     let shown: Vec<&str> = METRICS

@@ -13,6 +13,7 @@ mod output;
 mod prepare;
 mod progress;
 mod regress;
+mod residuals;
 mod resolve;
 mod retarget;
 mod sim;
@@ -78,6 +79,8 @@ enum Verb {
     Doctor(doctor::DoctorArgs),
     /// List the metrics, or explain one, or print all of one name side by side for motions
     Metrics(metrics::MetricsArgs),
+    /// Print the distribution of what inverse dynamics cannot explain in a run, with reasons for the worst motions
+    Residuals(residuals::ResidualsArgs),
     /// Put faults into clean motions and see which metric sees which; exit code 1 when a required answer is missing
     Canaries(canaries::CanariesArgs),
     /// Check that this machine and build can be trusted
@@ -107,6 +110,7 @@ pub fn rprae() -> ExitCode {
         Verb::View(args) => view::run(&args),
         Verb::Urdf(args) => urdf::run(&args),
         Verb::Metrics(args) => metrics::run(&args),
+        Verb::Residuals(args) => residuals::run(&args),
         Verb::Canaries(args) => canaries::run(&args),
         Verb::Doctor(args) => doctor::run(&args),
     })

@@ -23,6 +23,7 @@ pub struct Interval {
 /// One metric over the cases that have a value for it.
 ///
 /// A failed case has no value; it is counted in `num_without` and never silently left out of a mean.
+/// So is, above level 0, a case that something other than the floor held ([`CaseResult::simulable`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Aggregate {
@@ -30,7 +31,7 @@ pub struct Aggregate {
     pub key: String,
     /// Number of cases with a value.
     pub num_cases: usize,
-    /// Number of cases without: failed, or the metric does not apply to them.
+    /// Number of cases without: failed, not simulable, or the metric does not apply to them.
     pub num_without: usize,
     /// Arithmetic mean.
     pub mean: f64,
@@ -56,7 +57,11 @@ pub fn aggregate(metrics: &[MetricRecord], cases: &[CaseResult], seed: u64) -> V
     metrics
         .iter()
         .filter_map(|metric| {
-            let values: Vec<f64> = cases.iter().filter_map(|case| case.score(&metric.key)).collect();
+            let values: Vec<f64> = cases
+                .iter()
+                .filter(|case| case.counts_at(metric.level))
+                .filter_map(|case| case.score(&metric.key))
+                .collect();
             summarize(&metric.key, values, cases.len(), seed)
         })
         .collect()

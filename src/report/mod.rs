@@ -10,6 +10,7 @@ pub const KEY_METRICS: &[&str] = &[
     "l0/float",
     "l0/penetration",
     "l1/residual_force",
+    "l1/residual_force_gated",
     "l2/mpjpe_root",
     "l2/assist_mean",
     "l3/time_to_fall",
