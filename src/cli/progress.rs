@@ -149,7 +149,7 @@ fn failure(case: &CaseResult) -> Option<&str> {
 pub(super) struct Steps {
     quiet: bool,
     bar: Option<ProgressBar>,
-    num_steps: usize,
+    total: usize,
     num_done: AtomicUsize,
 }
 
@@ -157,13 +157,13 @@ pub(super) struct Steps {
 const STEPS_PER_LINE: usize = 100;
 
 impl Steps {
-    pub(super) fn new(quiet: bool, num_steps: usize) -> Self {
+    pub(super) fn new(quiet: bool, total: usize) -> Self {
         let watched = !quiet && std::io::stderr().is_terminal();
         let bar = watched.then(bar);
         if let Some(bar) = &bar {
-            bar.set_length(num_steps as u64);
+            bar.set_length(total as u64);
         }
-        Self { quiet, bar, num_steps, num_done: AtomicUsize::new(0) }
+        Self { quiet, bar, total, num_done: AtomicUsize::new(0) }
     }
 
     /// Takes note that a step is done; called from worker threads.
@@ -177,8 +177,8 @@ impl Steps {
                 bar.set_message(shorten(name, 40));
                 bar.inc(1);
             }
-            None if done.is_multiple_of(STEPS_PER_LINE) || done == self.num_steps => {
-                self.line(&format!("[{done}/{}]", self.num_steps));
+            None if done.is_multiple_of(STEPS_PER_LINE) || done == self.total => {
+                self.line(&format!("[{done}/{}]", self.total));
             }
             None => {}
         }

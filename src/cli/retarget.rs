@@ -27,7 +27,7 @@ What positions leave open:
 /// Makes motions of the humanoid from motion capture of other skeletons.
 ///
 /// Reads BVH, AMC with its ASF, and joint positions as .npy or .npz in the 21-joint order of KIT-ML or the 22-joint
-/// order of HumanML3D, as files, folders, zips or JSONL manifests.
+/// order of `HumanML3D`, as files, folders, zips or JSONL manifests.
 #[derive(Debug, Args)]
 #[command(after_help = RULES)]
 pub(super) struct RetargetArgs {
@@ -107,8 +107,8 @@ pub(super) fn run(args: &RetargetArgs) -> Result<Exit, Failure> {
         .collect();
     let mut ids: Vec<&str> = work.iter().map(|(_, entry)| entry.id.as_str()).collect();
     ids.sort_unstable();
-    if let Some(pair) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
-        return Err(anyhow!("write two motions named {:?}: give each input a folder of its own", pair[0]))
+    if let Some([twice, _]) = ids.array_windows().find(|[first, second]| first == second) {
+        return Err(anyhow!("write two motions named {twice:?}: give each input a folder of its own"))
             .or_usage();
     }
     std::fs::create_dir_all(&args.out)

@@ -89,12 +89,11 @@ impl Dataset {
         height_m: Option<f64>,
     ) -> Result<Retargeted, CaptureError> {
         let recognised;
-        let skeleton = match &self.skeleton {
-            Some(skeleton) => skeleton,
-            None => {
-                recognised = recognise(clip).map_err(RetargetError::from)?;
-                &recognised
-            }
+        let skeleton = if let Some(skeleton) = &self.skeleton {
+            skeleton
+        } else {
+            recognised = recognise(clip).map_err(RetargetError::from)?;
+            &recognised
         };
         let options = RetargetOptions {
             rate_hz: clip.rate_hz().or(entry.rate_hz).or(self.options.rate_hz),

@@ -18,12 +18,12 @@ pub fn read_bvh(bytes: &[u8]) -> Result<Clip, MocapError> {
     let mut words = Words::new(bytes);
     words.keyword("HIERARCHY")?;
     let joints = read_hierarchy(&mut words)?;
-    words.keyword("MOTION").or_else(|error| match &error.fault {
-        MocapFault::Unexpected { found, .. } if found.eq_ignore_ascii_case("ROOT") => Err(MocapError {
+    words.keyword("MOTION").map_err(|error| match &error.fault {
+        MocapFault::Unexpected { found, .. } if found.eq_ignore_ascii_case("ROOT") => MocapError {
             fault: MocapFault::Unsupported { what: "a second ROOT (one body a file)".to_owned() },
             ..error
-        }),
-        _ => Err(error),
+        },
+        _ => error,
     })?;
 
     words.keyword("Frames:")?;
@@ -72,8 +72,9 @@ fn read_rate(word: Word<'_>) -> Result<f64, MocapError> {
     if !(1e-4..=10.0).contains(&frame_secs) {
         return Err(error("0.0001 to 10 seconds"));
     }
-    let decimals = word.text.iter().rev().take_while(|&&byte| byte != b'.').count().min(15);
-    let half_step = 0.5 * 0.1_f64.powi(decimals as i32);
+    let decimals =
+        word.text.iter().rev().take_while(|&&byte| byte != b'.').take(15).fold(0, |count, _| count + 1);
+    let half_step = 0.5 * 0.1_f64.powi(decimals);
     let nearest = (1.0 / frame_secs).round().max(1.0);
     Ok(if (1.0 / nearest - frame_secs).abs() <= 1.01 * half_step { nearest } else { 1.0 / frame_secs })
 }

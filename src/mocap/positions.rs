@@ -10,7 +10,7 @@ use super::{Clip, Joint, MAX_FRAMES, MAX_VALUE};
 pub enum PositionOrder {
     /// 21 joints of the MMM model, as published for KIT-ML.
     KitMl,
-    /// 22 joints of the SMPL body, as published for HumanML3D.
+    /// 22 joints of the SMPL body, as published for `HumanML3D`.
     HumanMl3d,
 }
 
@@ -39,7 +39,7 @@ const KIT_ML: [(&str, usize); 21] = [
     ("RF", 19),
 ];
 
-/// Name and parent of each joint of HumanML3D arrays.
+/// Name and parent of each joint of `HumanML3D` arrays.
 const HUMAN_ML3D: [(&str, usize); 22] = [
     ("pelvis", 0),
     ("left_hip", 0),
@@ -127,8 +127,7 @@ impl PositionOrder {
             return Err(PositionsError::TooLong { found: num_frames });
         }
         for (index, centre) in centres.iter().enumerate() {
-            // NaN is within no limit.
-            if let Some(&found) = centre.iter().find(|value| !(value.abs() <= MAX_VALUE)) {
+            if let Some(&found) = centre.iter().find(|value| value.is_nan() || value.abs() > MAX_VALUE) {
                 let (frame, joint) = (index / table.len(), table[index % table.len()].0);
                 return Err(PositionsError::Value { frame, joint, found });
             }

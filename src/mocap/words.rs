@@ -60,7 +60,7 @@ impl<'a> Words<'a> {
     /// The next word, or `None` at the end.
     pub(super) fn next(&mut self) -> Option<Word<'a>> {
         let blank = self.rest.iter().position(|byte| !byte.is_ascii_whitespace()).unwrap_or(self.rest.len());
-        self.line += self.rest[..blank].iter().filter(|&&byte| byte == b'\n').count();
+        self.line += self.rest[..blank].iter().map(|&byte| usize::from(byte == b'\n')).sum::<usize>();
         self.rest = &self.rest[blank..];
         if self.rest.is_empty() {
             return None;

@@ -24,8 +24,7 @@ pub(super) type Corrections = Vec<[Vector3<f64>; 2]>;
 /// Horizontal corrections, from the source alone.
 pub(super) fn hold_flat_feet(source: &Source, stance: &Stance, corrections: &mut Corrections) {
     let paths = source.foot_paths();
-    for foot in 0..2 {
-        let path = &paths.ankles[foot];
+    for (foot, path) in paths.ankles.iter().enumerate() {
         let mut wanted = vec![None; path.len()];
         let mut start = 0;
         while start < path.len() {

@@ -55,7 +55,7 @@ pub(super) fn low_pass(frames: &mut [SourceFrame], rate_hz: f64) -> bool {
     true
 }
 
-fn both_ways(path: &mut Vec<Vector3<f64>>, coefficients: ([f64; 3], [f64; 2])) {
+fn both_ways(path: &mut [Vector3<f64>], coefficients: ([f64; 3], [f64; 2])) {
     let count = path.len();
     let padding = PADDING.min(count - 1);
     let (first, last) = (path[0], path[count - 1]);

@@ -24,7 +24,7 @@ pub use role::{NUM_ROLES, Role, Segment};
 
 use crate::humanoid::Humanoid;
 use crate::mocap::Clip;
-use crate::motion::{Body, Frame, Motion, MotionError, NUM_JOINTS};
+use crate::motion::{Body, Frame, JOINTS, Jump, Motion, MotionError, NUM_JOINTS};
 use crate::robot::RobotError;
 use size::Proportions;
 use solver::Pose;
@@ -116,16 +116,12 @@ pub fn retarget(
     options: &RetargetOptions,
 ) -> Result<Retargeted, RetargetError> {
     let mut notes = Vec::new();
-    let rate_hz = match options.rate_hz.or(clip.rate_hz()) {
-        Some(rate_hz) => rate_hz,
-        None => {
-            let rate_hz = correspondence.rate_hz.ok_or(RetargetError::NoRate)?;
-            notes.push(format!(
-                "no rate is given; {rate_hz} Hz is assumed, as {} has it",
-                correspondence.name
-            ));
-            rate_hz
-        }
+    let rate_hz = if let Some(rate_hz) = options.rate_hz.or(clip.rate_hz()) {
+        rate_hz
+    } else {
+        let rate_hz = correspondence.rate_hz.ok_or(RetargetError::NoRate)?;
+        notes.push(format!("no rate is given; {rate_hz} Hz is assumed, as {} has it", correspondence.name));
+        rate_hz
     };
     if !crate::motion::bounds::RATE_HZ.contains(&rate_hz) {
         return Err(MotionError::Rate { found: rate_hz }.into());
@@ -141,19 +137,32 @@ pub fn retarget(
     let motion = motion_of(&humanoid, &poses, rate_hz)?;
     // An arm that circles changes sides somewhere (see `track`): the change is spread over some frames.
     let (motion, jumps) = crate::motion::filter_jumps(&motion);
-    if !jumps.is_empty() {
-        notes.push(format!(
-            "{} jumps of a joint between two frames, where limits leave no way round, were spread",
-            jumps.len()
-        ));
+    if let Some(note) = jump_note(&jumps) {
+        notes.push(note);
     }
     let quality = Quality::of(&humanoid, &motion, &source, &plan);
-    if !(quality.pose_median_m <= LARGEST_RESIDUAL_M) {
+    if quality.pose_median_m.is_nan() || quality.pose_median_m > LARGEST_RESIDUAL_M {
         return Err(RetargetError::Residual { residual_m: quality.pose_median_m });
     }
     notes.extend(source.notes);
     notes.extend(plan.notes.iter().cloned());
     Ok(Retargeted { motion, quality, skeleton: correspondence.name.clone(), notes })
+}
+
+/// How many jumps were spread, and where most of them were.
+fn jump_note(jumps: &[Jump]) -> Option<String> {
+    let mut counts = [0_usize; NUM_JOINTS];
+    for jump in jumps {
+        counts[jump.joint] += 1;
+    }
+    let (joint, most) = counts.iter().enumerate().max_by_key(|(_, count)| **count)?;
+    (*most > 0).then(|| {
+        format!(
+            "{} jumps of a joint between two frames were spread, {most} of them in {}: limits leave no way round",
+            jumps.len(),
+            JOINTS[joint].short_name()
+        )
+    })
 }
 
 /// Angles in KIT order, and a root whose roll, pitch and yaw change without turns.

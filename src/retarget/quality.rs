@@ -22,7 +22,7 @@ const AT_LIMIT_RAD: f64 = 1e-3;
 pub struct JointResidual {
     /// The joint.
     pub role: Role,
-    /// Median distance from the source's joint centre, as it is in the world.
+    /// Median distance from the source's joint centre, once the clip is moved vertically to stand on the floor.
     pub raw_m: f64,
     /// Median distance from where the joint would be with the source's bone directions and our bone lengths.
     pub pose_m: f64,
@@ -48,7 +48,8 @@ pub struct Quality {
     pub joints: Vec<JointResidual>,
     /// Bones of limbs, neck and head.
     pub bones: Vec<BoneError>,
-    /// Median over joints and frames of the distance from the source's joint centres, metres.
+    /// Median over joints and frames of the distance from the source's joint centres, once the clip stands on the floor,
+    /// metres.
     pub raw_median_m: f64,
     /// The same at our proportions, metres.
     pub pose_median_m: f64,
@@ -193,7 +194,8 @@ impl Measured {
             let ours = |role: Role| poses[links[role.index()]].translation.vector;
             let scaled = lengths.scaled(frame, &own.world_from_root());
             for role in Role::all().filter(|role| ROLES[role.index()].required) {
-                let (theirs, index) = (frame.centre(role), role.index());
+                let theirs = frame.centre(role) + Vector3::z() * plan.ground_shift_m();
+                let index = role.index();
                 measured.raw[index].push((ours(role) - theirs).norm());
                 measured.pose[index].push((ours(role) - scaled[index]).norm());
                 measured.proportion[index].push((scaled[index] - theirs).norm());

@@ -23,7 +23,7 @@ use super::{Correspondence, Role};
 use crate::humanoid::Humanoid;
 
 /// Weights of the tasks; a point counts by its distance, a direction by that of the end of a 0.3 m bone.
-const PELVIS_WEIGHT: f64 = 1.0;
+const PELVIS_WEIGHT: f64 = 3.0;
 const ANKLE_WEIGHT: f64 = 10.0;
 /// A foot that stands where only positions are known: its sole is level.
 const LEVEL_WEIGHT: f64 = 0.3;

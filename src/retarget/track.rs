@@ -24,9 +24,9 @@ const SWEEP_STEPS: usize = 3;
 /// An upper arm this far from its direction looks for another way, radians,
 const ESCAPE_RAD: f64 = 0.6;
 /// which must cost this share of the present one at most,
-const ESCAPE_GAIN: f64 = 0.6;
-/// at most once in this time, seconds.
-const ESCAPE_SECS: f64 = 0.05;
+const ESCAPE_GAIN: f64 = 0.5;
+/// and then keeps it for this time, seconds.
+const ESCAPE_PAUSE_SECS: f64 = 0.3;
 const ESCAPE_STEPS: usize = 12;
 const NUM_SWEEPS: usize = 3;
 
@@ -40,7 +40,8 @@ pub(super) fn track(humanoid: &Humanoid, source: &Source, plan: &mut Plan) -> Ve
     let mut prior = rest.clone();
     let mut poses: Vec<Pose> = Vec::with_capacity(source.frames.len());
     let escapes = Escape::of_arms(humanoid, plan);
-    let escape_stride = ((ESCAPE_SECS * source.rate_hz).round() as usize).max(1);
+    let escape_pause = (ESCAPE_PAUSE_SECS * source.rate_hz).round() as usize;
+    let mut next_escape = 0;
     for (index, frame) in source.frames.iter().enumerate() {
         plan.fill(index, frame, &mut targets);
         let pose = match poses.last() {
@@ -54,10 +55,12 @@ pub(super) fn track(humanoid: &Humanoid, source: &Source, plan: &mut Plan) -> Ve
                 pose.root.translation.vector += plan.pelvis(frame) - plan.pelvis(&source.frames[index - 1]);
                 towards(&mut prior, &[(&before.angles, smooth)]);
                 let cost = solver.solve(&mut pose, &targets, &prior, TRACK_STEPS);
-                if index % escape_stride == 0 {
-                    escapes
-                        .iter()
-                        .for_each(|escape| escape.attempt(&mut solver, &mut pose, cost, &targets, &rest));
+                if index >= next_escape {
+                    for escape in &escapes {
+                        if escape.attempt(&mut solver, &mut pose, cost, &targets, &rest) {
+                            next_escape = index + escape_pause;
+                        }
+                    }
                 }
                 pose
             }
@@ -122,12 +125,19 @@ impl Escape {
             .collect()
     }
 
-    /// Tries other starts when the arm points far off; the best that is clearly better is taken.
-    fn attempt(&self, solver: &mut Solver<'_>, pose: &mut Pose, cost: f64, targets: &[Target], rest: &Prior) {
+    /// Tries other starts when the arm points far off; the best that is clearly better is taken; whether one was is returned.
+    fn attempt(
+        &self,
+        solver: &mut Solver<'_>,
+        pose: &mut Pose,
+        cost: f64,
+        targets: &[Target],
+        rest: &Prior,
+    ) -> bool {
         let target = targets[self.task];
         let direction = solver.forward(pose)[self.upper_arm].rotation * -Vector3::z();
         if target.weight <= 0.0 || direction.angle(&target.value) < ESCAPE_RAD {
-            return;
+            return false;
         }
         let (mut best, mut least) = (None, ESCAPE_GAIN * cost);
         for x in [-0.5, 1.0, 2.5] {
@@ -145,6 +155,7 @@ impl Escape {
             }
         }
         *pose = best.unwrap_or(*pose);
+        best.is_some()
     }
 }
 
