@@ -63,6 +63,7 @@ pub mod harness;
 pub mod humanoid;
 pub mod kinematics;
 pub mod manifest;
+pub mod model;
 pub mod motion;
 pub mod plausibility;
 pub mod recording;

@@ -1,0 +1,3 @@
+//! The two recurrent autoencoders.
+
+pub mod ops;
