@@ -3,7 +3,7 @@
 use crate::kernel::Run;
 use crate::lanes::Number;
 use crate::layer::{
-    Backward, Destination, Forward, Hears, History, State, StateGradient, multiply, plain_outer,
+    Backward, Destination, Forward, Hears, History, State, StateGradient, in_pool, multiply, plain_outer,
 };
 use crate::panels::{Panels, WIDE};
 use crate::plan::Plan;
@@ -76,7 +76,7 @@ impl<T> Decoder<'_, T> {
 }
 
 /// A decoder's way through a batch, kept for the way back.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct ClosedLoop<T> {
     plan: Plan,
     layers: Vec<History<T>>,
@@ -365,7 +365,7 @@ macro_rules! entry_points {
                 initial: &[(&[$number], &[$number])],
                 decoder: &Decoder<'_, $number>,
             ) -> Self {
-                Self::run(plan, first, initial, decoder)
+                in_pool(|| Self::run(plan, first, initial, decoder))
             }
 
             /// Outputs `[batch, time, output]`, zeros in the padding.
@@ -385,7 +385,7 @@ macro_rules! entry_points {
                 decoder: &Decoder<'_, $number>,
                 output: &[$number],
             ) -> ClosedLoopGradients<$number> {
-                self.run_back(decoder, output)
+                in_pool(|| self.run_back(decoder, output))
             }
         }
     };

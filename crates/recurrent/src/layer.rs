@@ -31,6 +31,11 @@ pub(crate) fn share(tasks: usize, multiplications: usize) -> usize {
     }
 }
 
+/// Runs on a thread of the pool, where sharing a step costs no more than waking a neighbour.
+pub(crate) fn in_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    rayon::scope(|_| work())
+}
+
 /// Weights of a layer packed for steps forward.
 #[derive(Debug)]
 pub(crate) struct Forward<T> {
@@ -81,7 +86,7 @@ pub(crate) enum Hears<'a, T> {
 }
 
 /// All a layer remembers of a batch. Cells and hidden states begin with the initial ones, one row for each sequence.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct History<T> {
     /// Activated gates; gradients before the activations after the way back. `[frame, gate of unit]`, wide panels of units.
     pub(crate) gates: Panels<T>,

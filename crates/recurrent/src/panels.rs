@@ -22,7 +22,7 @@ pub(crate) struct Buffer<T> {
     len: usize,
 }
 
-impl<T: Number> Buffer<T> {
+impl<T: Copy + Default> Buffer<T> {
     pub(crate) fn zeros(len: usize) -> Self {
         let data = vec![T::default(); len + LINE / size_of::<T>()];
         let start = data.as_ptr().align_offset(LINE).min(LINE / size_of::<T>());
@@ -30,11 +30,15 @@ impl<T: Number> Buffer<T> {
     }
 }
 
-impl<T: Number> Clone for Buffer<T> {
+impl<T: Clone> Clone for Buffer<T> {
     fn clone(&self) -> Self {
-        let mut copy = Self::zeros(self.len);
-        copy.copy_from_slice(self);
-        copy
+        let mut data: Vec<T> = Vec::with_capacity(self.data.len());
+        let start = data.as_ptr().align_offset(LINE).min(self.data.len() - self.len);
+        // What lies around the numbers does not matter.
+        data.extend_from_slice(&self.data[..start]);
+        data.extend_from_slice(self);
+        data.extend_from_slice(&self.data[start + self.len..]);
+        Self { data, start, len: self.len }
     }
 }
 
@@ -53,19 +57,13 @@ impl<T> DerefMut for Buffer<T> {
 }
 
 /// A matrix in panels; columns beyond the last are zero.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Panels<T> {
     pub(crate) panels: Vec<Buffer<T>>,
     /// Columns in a panel.
     pub(crate) width: usize,
     /// Columns of the matrix.
     pub(crate) columns: usize,
-}
-
-impl<T: Number> Clone for Panels<T> {
-    fn clone(&self) -> Self {
-        Self { panels: self.panels.clone(), width: self.width, columns: self.columns }
-    }
 }
 
 impl<T: Number> Panels<T> {

@@ -80,17 +80,23 @@ impl Plan {
     }
 
     /// Frames of a step.
-    pub(crate) fn frames(&self, step: usize) -> Range<usize> {
+    ///
+    /// # Panics
+    ///
+    /// If no sequence has so many steps.
+    #[must_use]
+    pub fn frames(&self, step: usize) -> Range<usize> {
         self.offsets[step]..self.offsets[step + 1]
     }
 
-    /// Place in the caller's batch, row by row.
-    pub(crate) fn order(&self) -> &[usize] {
+    /// Place in the caller's batch, row by row, the longest sequence first.
+    #[must_use]
+    pub fn order(&self) -> &[usize] {
         &self.order
     }
 
     /// For each frame in turn, where it stands in the caller's `[batch, time]`.
-    fn places(&self) -> impl Iterator<Item = usize> + '_ {
+    pub fn places(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.num_steps())
             .flat_map(move |step| (0..self.frames(step).len()).map(move |row| self.place(row, step)))
     }

@@ -2,14 +2,14 @@
 
 use crate::lanes::Number;
 use crate::layer::{
-    Backward, Destination, Forward, Hears, History, State, StateGradient, multiply, multiply_all,
+    Backward, Destination, Forward, Hears, History, State, StateGradient, in_pool, multiply, multiply_all,
 };
 use crate::panels::{Panels, WIDE};
 use crate::plan::Plan;
 use crate::weights::{LayerGradients, LayerWeights};
 
 /// A layer's way through a batch, kept for the way back.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Sequence<T> {
     plan: Plan,
     input: Panels<T>,
@@ -113,7 +113,7 @@ macro_rules! entry_points {
                 initial: Option<(&[$number], &[$number])>,
                 weights: &LayerWeights<'_, $number>,
             ) -> Self {
-                Self::run(plan, input, initial, weights)
+                in_pool(|| Self::run(plan, input, initial, weights))
             }
 
             /// Hidden states `[batch, time, hidden]`, zeros in the padding.
@@ -141,7 +141,7 @@ macro_rules! entry_points {
                 last: Option<&State<$number>>,
                 want_input: bool,
             ) -> SequenceGradients<$number> {
-                self.run_back(weights, output, last, want_input)
+                in_pool(|| self.run_back(weights, output, last, want_input))
             }
         }
     };

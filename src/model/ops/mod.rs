@@ -1,8 +1,25 @@
-//! Recurrences in plain tensor operations, until the fused ones replace them.
+//! Recurrences as single operations, forward and backward.
+//!
+//! A tape that records every step of a long short-term memory spends most of its time on bookkeeping and on padding. Here a
+//! whole batch of sequences of mixed lengths is one operation with a backward pass written by hand: the CPU runs the kernels of
+//! `rprae-recurrent`.
+//!
+//! The equations, with `*` for the product of numbers at the same place:
+//!
+//! ```text
+//! [i f g o] = x W_input + h W_recurrent + b      c' = s(f) * c + s(i) * tanh(g)      h' = s(o) * tanh(c')
+//! ```
 
-use burn::tensor::{Tensor, activation};
+mod backend;
+mod native;
+mod tape;
 
-/// Weights of a layer, gates in the order input, forget, cell, output.
+use burn::backend::Dispatch;
+use burn::tensor::Tensor;
+
+use backend::{Layer, RecurrentOps, Stack};
+
+/// Weights of a long short-term memory, gates in the order input, forget, cell, output.
 #[derive(Debug, Clone)]
 pub struct LstmWeights {
     /// `[feature, 4 * hidden]`.
@@ -13,45 +30,34 @@ pub struct LstmWeights {
     pub bias: Tensor<1>,
 }
 
-/// State of a layer.
+/// Hidden states and cells, `[batch, hidden]` each.
 #[derive(Debug, Clone)]
 pub struct LstmState {
-    /// `[batch, hidden]`.
+    /// What the layer says.
     pub hidden: Tensor<2>,
-    /// `[batch, hidden]`.
+    /// What the layer remembers.
     pub cell: Tensor<2>,
 }
 
-/// Order in which a sequence is read.
+/// The order in which a sequence is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Direction {
-    /// First step first.
+    /// From the first frame to the last.
     Forward,
-    /// Last step first.
+    /// From the last valid frame to the first.
     Backward,
 }
 
-fn cell(x: Tensor<2>, s: &LstmState, w: &LstmWeights) -> LstmState {
-    let g =
-        x.matmul(w.input.clone()) + s.hidden.clone().matmul(w.recurrent.clone()) + w.bias.clone().unsqueeze();
-    let p = g.chunk(4, 1);
-    let (i, f, c, o) = (
-        activation::sigmoid(p[0].clone()),
-        activation::sigmoid(p[1].clone()),
-        p[2].clone().tanh(),
-        activation::sigmoid(p[3].clone()),
-    );
-    let cell = f * s.cell.clone() + i * c;
-    LstmState { hidden: o * cell.clone().tanh(), cell }
-}
-fn gate(t: usize, lengths: &[usize], new: LstmState, old: &LstmState) -> LstmState {
-    let device = new.hidden.device();
-    let m: Vec<f32> = lengths.iter().map(|&l| if t < l { 1.0 } else { 0.0 }).collect();
-    let m = Tensor::<1>::from_floats(m.as_slice(), &device).unsqueeze_dim::<2>(1);
-    let pick = |n: Tensor<2>, o: Tensor<2>| n * m.clone() + o * (m.clone().neg() + 1.0);
-    LstmState { hidden: pick(new.hidden, old.hidden.clone()), cell: pick(new.cell, old.cell.clone()) }
-}
-/// One layer over known inputs, `[batch, time, feature]` to `[batch, time, hidden]`.
+/// A layer over `input` `[batch, time, feature]`, the first `lengths[i]` frames of sequence `i`; zeros to begin with if no
+/// state is given.
+///
+/// Yields the hidden states `[batch, time, hidden]`, at the time of the frame they belong to and zero in the padding, and the
+/// state after the last frame read, which is the initial one for an empty sequence. What stands in the padding has no effect.
+///
+/// # Panics
+///
+/// If the shapes do not fit together, or a length exceeds `time`.
+#[must_use]
 pub fn lstm_sequence(
     input: Tensor<3>,
     lengths: &[usize],
@@ -59,21 +65,73 @@ pub fn lstm_sequence(
     weights: &LstmWeights,
     direction: Direction,
 ) -> (Tensor<3>, LstmState) {
-    let [b, t, _] = input.dims();
-    let h = weights.recurrent.dims()[0];
-    let zeros = || Tensor::zeros([b, h], &input.device());
-    let mut s = initial.unwrap_or_else(|| LstmState { hidden: zeros(), cell: zeros() });
-    let mut outs = vec![None; t];
-    let steps: Vec<usize> =
-        if direction == Direction::Forward { (0..t).collect() } else { (0..t).rev().collect() };
-    for k in steps {
-        let n = cell(input.clone().narrow(1, k, 1).squeeze_dim(1), &s, weights);
-        s = gate(k, lengths, n, &s);
-        outs[k] = Some(s.hidden.clone());
-    }
-    (Tensor::stack(outs.into_iter().flatten().collect(), 1), s)
+    let [batch, time, _] = input.dims();
+    let hidden = weights.recurrent.dims()[0];
+    let all = sequence(input, lengths, initial, weights, direction, true);
+    let output = all.clone().narrow(1, 0, time * hidden).reshape([batch, time, hidden]);
+    (output, state(&all, time * hidden))
 }
-/// Stacked layers that hear their output, `[batch, time, feature]`.
+
+/// The state [`lstm_sequence`] ends with, without the cost of the hidden states on the way.
+///
+/// # Panics
+///
+/// See [`lstm_sequence`].
+#[must_use]
+pub fn lstm_last_state(
+    input: Tensor<3>,
+    lengths: &[usize],
+    initial: Option<LstmState>,
+    weights: &LstmWeights,
+    direction: Direction,
+) -> LstmState {
+    state(&sequence(input, lengths, initial, weights, direction, false), 0)
+}
+
+/// Hidden states and cells that stand side by side from column `first` on.
+fn state(all: &Tensor<2>, first: usize) -> LstmState {
+    let hidden = (all.dims()[1] - first) / 2;
+    LstmState {
+        hidden: all.clone().narrow(1, first, hidden),
+        cell: all.clone().narrow(1, first + hidden, hidden),
+    }
+}
+
+fn sequence(
+    input: Tensor<3>,
+    lengths: &[usize],
+    initial: Option<LstmState>,
+    weights: &LstmWeights,
+    direction: Direction,
+    outputs: bool,
+) -> Tensor<2> {
+    let [batch, _, feature] = input.dims();
+    let hidden = check(weights, feature, batch, lengths);
+    let zeros = || Tensor::zeros([batch, hidden], &input.device());
+    let initial = initial.unwrap_or_else(|| LstmState { hidden: zeros(), cell: zeros() });
+    Tensor::from_dispatch(<Dispatch as RecurrentOps>::recurrent_sequence(
+        input.into_dispatch(),
+        initial.hidden.into_dispatch(),
+        initial.cell.into_dispatch(),
+        weights.input.clone().into_dispatch(),
+        weights.recurrent.clone().into_dispatch(),
+        weights.bias.clone().into_dispatch(),
+        lengths.to_vec(),
+        direction,
+        outputs,
+    ))
+}
+
+/// Stacked layers whose output `tanh(h W + b)` is their next input: `[batch, time, feature]`, with `time` the longest length
+/// and zeros after the last step of each sequence.
+///
+/// `first` `[batch, feature]` is the input of the first step, `initial` has one state for each layer, from the bottom up, and
+/// `projection` is `W` `[hidden, feature]` with `b` `[feature]`.
+///
+/// # Panics
+///
+/// If the shapes do not fit together, or there are no layers or more than three.
+#[must_use]
 pub fn lstm_closed_loop(
     first: Tensor<2>,
     lengths: &[usize],
@@ -81,34 +139,74 @@ pub fn lstm_closed_loop(
     layers: &[LstmWeights],
     projection: (Tensor<2>, Tensor<1>),
 ) -> Tensor<3> {
-    let t = lengths.iter().copied().max().unwrap_or(0);
-    let (mut states, mut x, mut outs) = (initial, first, vec![]);
-    for _ in 0..t {
-        for (s, w) in states.iter_mut().zip(layers) {
-            *s = cell(x, s, w);
-            x = s.hidden.clone();
-        }
-        x = (x.matmul(projection.0.clone()) + projection.1.clone().unsqueeze()).tanh();
-        outs.push(x.clone());
-    }
-    Tensor::stack(outs, 1)
+    assert_eq!(initial.len(), layers.len(), "one initial state for each layer");
+    let [batch, mut feature] = first.dims();
+    let mut stack = layers.iter().zip(initial).map(|(weights, state)| {
+        feature = check(weights, feature, batch, lengths);
+        layer(weights, state)
+    });
+    let stack = match (stack.next(), stack.next(), stack.next(), stack.next()) {
+        (Some(a), None, None, None) => Stack::One(a),
+        (Some(a), Some(b), None, None) => Stack::Two(a, b),
+        (Some(a), Some(b), Some(c), None) => Stack::Three(a, b, c),
+        _ => panic!("{} layers; a closed loop has one to three", layers.len()),
+    };
+    Tensor::from_dispatch(<Dispatch as RecurrentOps>::recurrent_closed_loop(
+        first.into_dispatch(),
+        projection.0.into_dispatch(),
+        projection.1.into_dispatch(),
+        stack,
+        lengths.to_vec(),
+    ))
 }
-/// One layer that hears its most probable word, `[batch, time, vocab]`.
+
+/// Weights and initial state of a layer as the dispatch takes them.
+fn layer(weights: &LstmWeights, state: LstmState) -> Layer<Dispatch> {
+    Layer {
+        input: weights.input.clone().into_dispatch(),
+        recurrent: weights.recurrent.clone().into_dispatch(),
+        bias: weights.bias.clone().into_dispatch(),
+        hidden: state.hidden.into_dispatch(),
+        cell: state.cell.into_dispatch(),
+    }
+}
+
+/// A layer that says words: logits `h W + b` `[batch, time, vocab]`, with `time` the longest length and zeros after the last
+/// step of each sequence.
+///
+/// `first` `[batch, dimension]` is the input of the first step. Every later one is the row of `table` `[vocab, dimension]` at
+/// the greatest logit of the step before, the first of equals. The choice of the word has no gradient; its row has.
+///
+/// # Panics
+///
+/// If the shapes do not fit together.
+#[must_use]
 pub fn lstm_closed_loop_words(
     first: Tensor<2>,
     table: Tensor<2>,
     lengths: &[usize],
     initial: LstmState,
-    layer: &LstmWeights,
+    weights: &LstmWeights,
     projection: (Tensor<2>, Tensor<1>),
 ) -> Tensor<3> {
-    let t = lengths.iter().copied().max().unwrap_or(0);
-    let (mut s, mut x, mut outs) = (initial, first, vec![]);
-    for _ in 0..t {
-        s = cell(x, &s, layer);
-        let logits = s.hidden.clone().matmul(projection.0.clone()) + projection.1.clone().unsqueeze();
-        x = table.clone().select(0, logits.clone().argmax(1).squeeze_dim(1));
-        outs.push(logits);
-    }
-    Tensor::stack(outs, 1)
+    let [batch, feature] = first.dims();
+    check(weights, feature, batch, lengths);
+    Tensor::from_dispatch(<Dispatch as RecurrentOps>::recurrent_words(
+        first.into_dispatch(),
+        projection.0.into_dispatch(),
+        projection.1.into_dispatch(),
+        table.into_dispatch(),
+        layer(weights, initial),
+        lengths.to_vec(),
+    ))
+}
+
+/// Units of a layer whose shapes fit together.
+fn check(weights: &LstmWeights, feature: usize, batch: usize, lengths: &[usize]) -> usize {
+    let hidden = weights.recurrent.dims()[0];
+    assert_eq!(weights.recurrent.dims(), [hidden, 4 * hidden], "recurrent weights");
+    assert_eq!(weights.input.dims(), [feature, 4 * hidden], "input weights");
+    assert_eq!(weights.bias.dims(), [4 * hidden], "bias");
+    assert_eq!(lengths.len(), batch, "one length for each sequence");
+    hidden
 }
