@@ -282,10 +282,10 @@ fn all_recorded_captions_have_the_lengths_the_paper_prints() {
     };
     let data = PathBuf::from(data);
     let captions = data.join("kit-ml/captions/kitml-captions-all.tsv");
-    let count = |tokens: TokenRule| {
+    let count_in = |captions: &Path, tokens: TokenRule| {
         let settings = PrepareSettings {
             tokens,
-            captions: vec![CaptionSource { path: captions.clone(), motions: None }],
+            captions: vec![CaptionSource { path: captions.to_owned(), motions: None }],
             vectors: Some(data.join("word-vectors/googlenews-subset-31k.bin")),
             ..PrepareSettings::default()
         };
@@ -304,15 +304,23 @@ fn all_recorded_captions_have_the_lengths_the_paper_prints() {
         assert_eq!(set.captions.len(), kept.num_captions);
         account
     };
+    let count = |tokens| count_in(&captions, tokens);
     let rule = TokenRule::default();
     let corpus = count(rule).corpus;
-    assert_eq!((corpus.num_captions, corpus.num_words), (6353, 1642));
+    assert_eq!((corpus.num_captions, corpus.num_words), (6353, 1645));
     assert_eq!((corpus.shortest, corpus.longest), (5, 44));
     // Only punctuation marks as words reach 44.
     assert_eq!(count(TokenRule { punctuation: false, ..rule }).corpus.longest, 41);
     count(TokenRule { lower_case: false, ..rule });
-    count(TokenRule { split_contractions: false, ..rule });
+    assert_eq!(count(TokenRule { split_contractions: true, ..rule }).corpus.num_words, 1642);
     count(TokenRule { split_hyphens: true, ..rule });
+
+    // Where full stops are still there, they are one word more and make no sentence longer than the longest.
+    let original = data.join("kit-ml/captions/tmr-kitml-annotations.json.gz");
+    let (without, with) =
+        (count_in(&original, rule), count_in(&original, TokenRule { full_stop: true, ..rule }));
+    assert_eq!(with.corpus.num_words, without.corpus.num_words + 1);
+    assert_eq!((without.corpus.longest, with.corpus.longest), (44, 44));
 }
 
 #[test]
