@@ -70,8 +70,9 @@ pub enum ComparisonError {
 
 impl Resampling {
     fn stream(self, draw: usize) -> SplitMix64 {
-        // Draws are far apart on the counter: no stream reaches the next within 2^32 numbers.
-        SplitMix64(self.seed ^ (draw as u64 + 1).wrapping_mul(0xd6e8_feb8_6659_fd93))
+        // Hashed starts: that two of some thousand streams overlap has a chance below 1e-9.
+        let mut starts = SplitMix64(self.seed.wrapping_add(draw as u64));
+        SplitMix64(starts.bits() ^ self.seed.rotate_left(32))
     }
 
     fn draw(self, draw: usize, num_segments: usize) -> Vec<usize> {
