@@ -34,6 +34,7 @@
 //! [`plausibility`] turns motions and rollouts into scores, [`recording`] and [`report`] into files.
 //! [`lint`] checks motions without moving them, and [`features`] prepares them for learning.
 //! [`canaries`] proves that the scores see faults.
+//! [`evaluation`] scores sentences against reference sentences.
 //! [`harness`] runs whole suites, [`manifest`] says what was run, and [`cli`] is what the programs are made of.
 //!
 //! # Example
@@ -61,6 +62,7 @@ pub mod canaries;
 pub mod cli;
 pub mod dataset;
 pub mod dynamics;
+pub mod evaluation;
 pub mod features;
 pub mod harness;
 pub mod humanoid;

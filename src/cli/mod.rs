@@ -6,6 +6,8 @@
 mod canaries;
 mod curve;
 mod doctor;
+mod encoders;
+mod evaluate;
 mod exit;
 mod lint;
 mod metrics;
@@ -71,6 +73,10 @@ enum Verb {
     Curve(Box<curve::CurveArgs>),
     /// Compare a run with an accepted one; exit code 4 on a regression
     Regress(regress::RegressArgs),
+    /// Score sentences against reference sentences: BLEU, ROUGE-L, CIDEr, BERTScore, sentence cosine
+    Evaluate(Box<evaluate::EvaluateArgs>),
+    /// Say how to get sentence encoders, or check the folder of one
+    Encoders(encoders::EncodersArgs),
     /// Print the commands that open the recordings of a run
     View(view::ViewArgs),
     /// Write the URDF of the humanoid for a height and mass
@@ -107,6 +113,8 @@ pub fn rprae() -> ExitCode {
         Verb::Retarget(args) => retarget::run(&args),
         Verb::Curve(args) => curve::run(&args),
         Verb::Regress(args) => regress::run(&args),
+        Verb::Evaluate(args) => evaluate::run(&args),
+        Verb::Encoders(args) => encoders::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Urdf(args) => urdf::run(&args),
         Verb::Metrics(args) => metrics::run(&args),

@@ -90,7 +90,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// Quantile of sorted values, linear between neighbours; `values` is not empty.
-fn quantile(values: &[f64], share: f64) -> f64 {
+pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     let position = share * (values.len() - 1) as f64;
     let below = position.floor() as usize;
     let above = position.ceil() as usize;

@@ -35,6 +35,7 @@ mod table;
 mod wilson;
 
 pub use aggregate::{Aggregate, Interval, aggregate};
+pub(crate) use aggregate::quantile;
 pub use case::{CaseResult, LevelResult, MetricRecord};
 pub use chart::{Chart, Panel, Point, Series};
 pub use csv::scores_csv;
