@@ -8,7 +8,7 @@ use burn::backend::{Backend, ExtensionType, backend_extension};
 use super::Direction;
 
 /// Recurrences as operations that every backend understands, those with a tape included.
-#[backend_extension(Autodiff, Flex)]
+#[backend_extension(Autodiff, Flex, Cube: cfg(feature = "wgpu"))]
 pub trait RecurrentOps: Backend {
     /// A layer over known inputs. `[batch, columns]`: hidden states `[time, hidden]` of each sequence if `outputs`, then its
     /// last hidden state and cell.

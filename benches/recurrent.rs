@@ -1,0 +1,315 @@
+//! A training iteration of the action autoencoder at paper size, beside PyTorch.
+//!
+//! `cargo bench --bench recurrent` alternates both programs in one run and prints medians and their ratios.
+//! Both sides do forward, mean squared error over valid frames, backward and a step of Adam on 80 motions of 50 channels: LSTM
+//! 50 -> 500, linear 500 -> 500, three LSTM layers 50 -> 500 -> 500 -> 500, linear 500 -> 50 with tanh. Our decoder hears its own
+//! output, a closed loop; PyTorch's fused layers cannot do that and hear the true frame before, which is the same arithmetic.
+//! PyTorch also runs a closed loop of `LSTMCell` steps.
+//!
+//! Two workloads: all motions 100 frames long, and lengths as in the KIT Motion-Language Dataset at 10 Hz, clipped to 10..=300.
+//! The lengths come from `$RPRAE_DATA/kit-ml/captions/kitml-index.tsv`; without it from a log-normal distribution with the same
+//! median (56 frames) and 90th percentile (115).
+//! The peer runs under `$RPRAE_PEER_PYTHON` (default `python3`) with the packages of `benches/peers/requirements.txt`.
+//! `RPRAE_BENCH_ROUNDS` and `RPRAE_BENCH_VARIANTS` (comma-separated) shorten a run.
+
+use std::error::Error;
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::Instant;
+
+use burn::module::{Module, Param};
+use burn::optim::{AdamConfig, GradientsParams, Optimizer};
+use burn::tensor::{Device, Distribution, Tensor, TensorData};
+use rprae::model::ops::{Direction, LstmState, LstmWeights, lstm_closed_loop, lstm_last_state};
+use serde_json::{Value, json};
+
+const BATCH: usize = 80;
+const CHANNELS: usize = 50;
+const UNITS: usize = 500;
+const THREADS: usize = 2;
+
+/// Billions of floating-point operations of an iteration over this many frames: forward once, backward twice.
+fn gflop(frames: usize) -> f64 {
+    let layer = |feature: usize| 2 * (feature + UNITS) * 4 * UNITS;
+    let frame = 2 * layer(CHANNELS) + 2 * layer(UNITS) + 2 * UNITS * CHANNELS;
+    (3 * frames * frame) as f64 / 1e9
+}
+
+#[derive(Module, Debug)]
+struct Lstm {
+    input: Param<Tensor<2>>,
+    recurrent: Param<Tensor<2>>,
+    bias: Param<Tensor<1>>,
+}
+
+#[derive(Module, Debug)]
+struct Actions {
+    encoder: Lstm,
+    latent: Param<Tensor<2>>,
+    latent_bias: Param<Tensor<1>>,
+    decoder: Vec<Lstm>,
+    output: Param<Tensor<2>>,
+    output_bias: Param<Tensor<1>>,
+}
+
+fn uniform<const D: usize>(shape: [usize; D], device: &Device) -> Param<Tensor<D>> {
+    let bound = 1.0 / (UNITS as f64).sqrt();
+    Param::from_tensor(Tensor::random(shape, Distribution::Uniform(-bound, bound), device))
+}
+
+impl Lstm {
+    fn new(feature: usize, device: &Device) -> Self {
+        Self {
+            input: uniform([feature, 4 * UNITS], device),
+            recurrent: uniform([UNITS, 4 * UNITS], device),
+            bias: uniform([4 * UNITS], device),
+        }
+    }
+
+    fn weights(&self) -> LstmWeights {
+        LstmWeights { input: self.input.val(), recurrent: self.recurrent.val(), bias: self.bias.val() }
+    }
+}
+
+impl Actions {
+    fn new(device: &Device) -> Self {
+        Self {
+            encoder: Lstm::new(CHANNELS, device),
+            latent: uniform([UNITS, UNITS], device),
+            latent_bias: uniform([UNITS], device),
+            decoder: [CHANNELS, UNITS, UNITS].map(|feature| Lstm::new(feature, device)).into(),
+            output: uniform([UNITS, CHANNELS], device),
+            output_bias: uniform([CHANNELS], device),
+        }
+    }
+
+    /// The mean squared error of the frames a motion is rebuilt to.
+    fn loss(&self, motions: &Tensor<3>, lengths: &[usize]) -> Tensor<1> {
+        let last =
+            lstm_last_state(motions.clone(), lengths, None, &self.encoder.weights(), Direction::Forward);
+        let latent = last.hidden.matmul(self.latent.val()) + self.latent_bias.val().unsqueeze();
+        let zeros = || Tensor::zeros([BATCH, UNITS], &motions.device());
+        let mut initial = vec![LstmState { hidden: latent, cell: zeros() }];
+        initial.extend((1..3).map(|_| LstmState { hidden: zeros(), cell: zeros() }));
+        let layers: Vec<_> = self.decoder.iter().map(Lstm::weights).collect();
+        let first = motions.clone().narrow(1, 0, 1).squeeze_dim(1);
+        let projection = (self.output.val(), self.output_bias.val());
+        let said = lstm_closed_loop(first, lengths, initial, &layers, projection);
+        // Motions are zero in the padding, and so is what was said.
+        let frames: usize = lengths.iter().sum();
+        (said - motions.clone()).square().sum() / (frames * CHANNELS) as f64
+    }
+}
+
+/// PyTorch, waiting for requests.
+struct Peer {
+    process: Child,
+    answers: BufReader<ChildStdout>,
+}
+
+impl Peer {
+    fn start() -> Result<Self, Box<dyn Error>> {
+        let python = std::env::var("RPRAE_PEER_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/training_pytorch.py");
+        let mut process = Command::new(python)
+            .arg(script)
+            .args(["--threads", &THREADS.to_string()])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()?;
+        let stdout = process.stdout.take().ok_or("the peer has no output")?;
+        let mut peer = Self { process, answers: BufReader::new(stdout) };
+        let ready = peer.answer()?;
+        println!("peer: PyTorch {}, {THREADS} threads", ready["version"].as_str().unwrap_or("?"));
+        Ok(peer)
+    }
+
+    fn answer(&mut self) -> Result<Value, Box<dyn Error>> {
+        let mut line = String::new();
+        if self.answers.read_line(&mut line)? == 0 {
+            return Err("the peer ended; does it have the packages of benches/peers/requirements.txt?".into());
+        }
+        Ok(serde_json::from_str(&line)?)
+    }
+
+    fn ask(&mut self, request: &Value) -> Result<Value, Box<dyn Error>> {
+        let stdin = self.process.stdin.as_mut().ok_or("the peer has no input")?;
+        writeln!(stdin, "{request}")?;
+        self.answer()
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        drop(self.process.stdin.take());
+        // It ends by itself once its input does; nothing depends on how.
+        let _ = self.process.wait();
+    }
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Resident memory at its highest, MiB, as Linux tells it.
+fn peak_mib() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmHWM"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1024.0)
+}
+
+/// Lengths of captioned KIT motions, or of a distribution like theirs.
+fn kit_lengths() -> Vec<usize> {
+    let clip = |frames: f64| (frames.round() as usize).clamp(10, 300);
+    let known = std::env::var("RPRAE_DATA").ok().and_then(|data| {
+        let index = std::fs::read_to_string(Path::new(&data).join("kit-ml/captions/kitml-index.tsv")).ok()?;
+        let durations: Vec<f64> = index
+            .lines()
+            .skip(1)
+            .filter_map(|line| {
+                let fields: Vec<&str> = line.split('\t').collect();
+                (fields.get(4)?.parse::<usize>().ok()? > 0).then_some(())?;
+                fields.get(5)?.parse().ok()
+            })
+            .collect();
+        (durations.len() >= BATCH).then_some(durations)
+    });
+    // Every so many-th motion in the order of the golden ratio: spread over the whole list, and the same in every run.
+    let place =
+        |index: usize, count: usize| ((index as f64 * 0.618_033_988_75).fract() * count as f64) as usize;
+    match known {
+        Some(durations) => {
+            println!("lengths: {BATCH} of {} captioned KIT motions", durations.len());
+            (0..BATCH).map(|index| clip(durations[place(index, durations.len())] * 10.0)).collect()
+        }
+        None => {
+            println!("lengths: log-normal, since RPRAE_DATA has no kit-ml/captions/kitml-index.tsv");
+            (0..BATCH)
+                .map(|index| {
+                    let share = (index as f64 + 0.5) / BATCH as f64;
+                    // The logistic distribution stands in for the normal one: its quantiles have a closed form.
+                    clip(56.0 * ((share / (1.0 - share)).ln() * 0.327).exp())
+                })
+                .collect()
+        }
+    }
+}
+
+/// Our matrix product, from the crate `gemm`.
+fn own_matmul_gflops(size: usize) -> f64 {
+    let device = Device::flex();
+    let random = || Tensor::<2>::random([size, size], Distribution::Uniform(0.0, 1.0), &device);
+    let (a, b) = (random(), random());
+    let mut last = a.clone().matmul(b.clone());
+    let start = Instant::now();
+    for _ in 0..3 {
+        last = a.clone().matmul(b.clone());
+    }
+    let secs = start.elapsed().as_secs_f64();
+    drop(last.into_data());
+    6.0 * (size as f64).powi(3) / secs / 1e9
+}
+
+fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn Error>> {
+    let frames: usize = lengths.iter().sum();
+    let width = lengths.iter().copied().max().unwrap_or(0);
+    let variants = std::env::var("RPRAE_BENCH_VARIANTS").unwrap_or_else(|_| {
+        if lengths.iter().all(|&length| length == width) {
+            "padded,loop"
+        } else {
+            "padded,packed,bucketed,loop"
+        }
+        .to_owned()
+    });
+    let variants: Vec<&str> = variants.split(',').collect();
+    let device = Device::flex().autodiff();
+    let mut values = vec![0.0_f32; BATCH * width * CHANNELS];
+    for (sequence, &length) in lengths.iter().enumerate() {
+        for (place, value) in
+            values[sequence * width * CHANNELS..][..length * CHANNELS].iter_mut().enumerate()
+        {
+            *value = ((place * (sequence + 7)) as f32 * 0.37).sin();
+        }
+    }
+    let motions = Tensor::<3>::from_data(TensorData::new(values, [BATCH, width, CHANNELS]), &device);
+    let mut model = Actions::new(&device);
+    let mut optimiser = AdamConfig::new().init();
+    let (mut ours, mut theirs) = (Vec::new(), vec![Vec::new(); variants.len()]);
+    let (mut own_peak, mut own_parts) = (Vec::new(), [0.0; 3]);
+    let mut peaks: Vec<Vec<f64>> = vec![Vec::new(); 2];
+    // The first round warms both sides up.
+    for round in 0..=rounds {
+        peaks[0].push(own_matmul_gflops(2000));
+        let start = Instant::now();
+        let loss = model.loss(&motions, lengths);
+        let forward = start.elapsed().as_secs_f64();
+        let gradients = GradientsParams::from_grads(loss.backward(), &model);
+        let backward = start.elapsed().as_secs_f64();
+        model = optimiser.step(1e-3, model, gradients);
+        let all = start.elapsed().as_secs_f64();
+        if round > 0 {
+            ours.push(all);
+            for (sum, part) in own_parts.iter_mut().zip([forward, backward - forward, all - backward]) {
+                *sum += part / rounds as f64;
+            }
+        }
+        own_peak.extend(peak_mib());
+        let answer = peer.ask(&json!({"variant": "matmul", "size": 2000}))?;
+        peaks[1].push(answer["gflops"].as_f64().ok_or("no speed")?);
+        for (variant, times) in variants.iter().zip(&mut theirs) {
+            let answer = peer.ask(&json!({"variant": variant, "lengths": lengths, "width": width}))?;
+            if round > 0 {
+                times.push(answer["secs"].as_f64().ok_or("no time")?);
+            }
+            if round == rounds {
+                println!(
+                    "  {variant}: peak memory so far {:.0} MiB",
+                    answer["peak_mib"].as_f64().unwrap_or(0.0)
+                );
+            }
+        }
+    }
+    let own = median(&mut ours);
+    println!(
+        "\n{name}: {frames} frames, longest {width}, {:.1} GFLOP; matmul 2000^3: torch {:.0}, gemm {:.0} GFLOP/s",
+        gflop(frames),
+        median(&mut peaks[1]),
+        median(&mut peaks[0]),
+    );
+    println!("| program | s an iteration | useful GFLOP/s | ratio to ours (lowest..highest) |");
+    println!("|---|---|---|---|");
+    println!("| rprae, closed loop | {own:.2} | {:.1} | 1 |", gflop(frames) / own);
+    for (variant, times) in variants.iter().zip(&mut theirs) {
+        let mut ratios: Vec<f64> = times.iter().zip(&ours).map(|(theirs, _)| theirs / own).collect();
+        let time = median(times);
+        let middle = median(&mut ratios);
+        println!(
+            "| PyTorch {variant} | {time:.2} | {:.1} | {middle:.2} ({:.2}..{:.2}) |",
+            gflop(frames) / time,
+            ratios[0],
+            ratios[ratios.len() - 1]
+        );
+    }
+    println!(
+        "ours: forward {:.2} s, backward {:.2} s, Adam {:.2} s; peak memory {:.0} MiB\n",
+        own_parts[0],
+        own_parts[1],
+        own_parts[2],
+        own_peak.into_iter().fold(0.0, f64::max)
+    );
+    Ok(())
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let rounds = match std::env::var("RPRAE_BENCH_ROUNDS") {
+        Ok(rounds) => rounds.parse()?,
+        Err(_) => 5,
+    };
+    rayon::ThreadPoolBuilder::new().num_threads(THREADS).build_global()?;
+    println!("instructions: {}", rprae_recurrent::Instructions::best().name());
+    let mut peer = Peer::start()?;
+    compare(&mut peer, "100 frames each", &[100; BATCH], rounds)?;
+    compare(&mut peer, "KIT lengths", &kit_lengths(), rounds)
+}

@@ -1,0 +1,270 @@
+//! The recurrent operations against the same equations on a tape, and a GPU against the CPU.
+
+#![expect(clippy::unwrap_used, reason = "a test that is surprised should stop at once")]
+
+use burn::tensor::{Device, Gradients, Tensor, TensorData, activation};
+use rprae::model::ops::{
+    Direction, LstmState, LstmWeights, lstm_closed_loop, lstm_closed_loop_words, lstm_last_state,
+    lstm_sequence,
+};
+
+/// Numbers spread over `[-scale, scale]`, the same in every run.
+fn numbers<const D: usize>(seed: usize, shape: [usize; D], scale: f32, device: &Device) -> Tensor<D> {
+    let count = shape.iter().product();
+    let values: Vec<f32> =
+        (1..=count).map(|place| (place as f32 * (seed as f32 + 0.5) * 0.7).sin() * scale).collect();
+    Tensor::from_data(TensorData::new(values, shape), device).require_grad()
+}
+
+fn weights(seed: usize, feature: usize, hidden: usize, device: &Device) -> LstmWeights {
+    LstmWeights {
+        input: numbers(seed, [feature, 4 * hidden], 0.4, device),
+        recurrent: numbers(seed + 1, [hidden, 4 * hidden], 0.4, device),
+        bias: numbers(seed + 2, [4 * hidden], 0.4, device),
+    }
+}
+
+fn state(seed: usize, batch: usize, hidden: usize, device: &Device) -> LstmState {
+    LstmState {
+        hidden: numbers(seed, [batch, hidden], 0.5, device),
+        cell: numbers(seed + 1, [batch, hidden], 0.5, device),
+    }
+}
+
+fn values<const D: usize>(tensor: &Tensor<D>) -> Vec<f32> {
+    tensor.clone().into_data().iter().collect()
+}
+
+fn gradient<const D: usize>(tensor: &Tensor<D>, gradients: &Gradients) -> Vec<f32> {
+    values(&tensor.grad(gradients).unwrap())
+}
+
+fn layer_gradients(weights: &LstmWeights, state: &LstmState, gradients: &Gradients) -> Vec<Vec<f32>> {
+    vec![
+        gradient(&weights.input, gradients),
+        gradient(&weights.recurrent, gradients),
+        gradient(&weights.bias, gradients),
+        gradient(&state.hidden, gradients),
+        gradient(&state.cell, gradients),
+    ]
+}
+
+fn assert_close(got: &[Vec<f32>], want: &[Vec<f32>], tolerance: f32) {
+    assert_eq!(got.len(), want.len());
+    for (index, (got, want)) in got.iter().zip(want).enumerate() {
+        assert_eq!(got.len(), want.len(), "array {index}");
+        let scale = want.iter().fold(0.1_f32, |largest, number| largest.max(number.abs()));
+        for (place, (got, want)) in got.iter().zip(want).enumerate() {
+            assert!((got - want).abs() < tolerance * scale, "array {index}, place {place}: {got} and {want}");
+        }
+    }
+}
+
+/// One step of a layer, recorded on the tape.
+fn plain_step(x: Tensor<2>, state: &LstmState, weights: &LstmWeights) -> LstmState {
+    let sums = x.matmul(weights.input.clone())
+        + state.hidden.clone().matmul(weights.recurrent.clone())
+        + weights.bias.clone().unsqueeze();
+    let gates = sums.chunk(4, 1);
+    let [i, f, o] = [0, 1, 3].map(|gate: usize| activation::sigmoid(gates[gate].clone()));
+    let cell = f * state.cell.clone() + i * gates[2].clone().tanh();
+    LstmState { hidden: o * cell.clone().tanh(), cell }
+}
+
+fn row(state: &LstmState, row: usize) -> LstmState {
+    LstmState { hidden: state.hidden.clone().narrow(0, row, 1), cell: state.cell.clone().narrow(0, row, 1) }
+}
+
+fn zeros(steps: usize, columns: usize, device: &Device) -> Vec<Tensor<2>> {
+    if steps == 0 { Vec::new() } else { vec![Tensor::zeros([steps, columns], device)] }
+}
+
+const LENGTHS: [usize; 5] = [2, 5, 0, 3, 5];
+const WIDTH: usize = 6;
+
+/// Output, last states and all gradients of a layer over known inputs.
+fn sequence(device: &Device, direction: Direction, plain: bool, last_only: bool) -> Vec<Vec<f32>> {
+    let (batch, feature, hidden) = (LENGTHS.len(), 3, 7);
+    let input = numbers(1, [batch, WIDTH, feature], 1.0, device);
+    let weights = weights(2, feature, hidden, device);
+    let initial = state(5, batch, hidden, device);
+    let (output, last) = if plain {
+        let (mut rows, mut ends): (Vec<Tensor<3>>, Vec<LstmState>) = (Vec::new(), Vec::new());
+        for (sequence, &length) in LENGTHS.iter().enumerate() {
+            let mut state = row(&initial, sequence);
+            let mut said = Vec::new();
+            for step in 0..length {
+                let time = if direction == Direction::Forward { step } else { length - 1 - step };
+                let x = input.clone().narrow(0, sequence, 1).narrow(1, time, 1).reshape([1, feature]);
+                state = plain_step(x, &state, &weights);
+                said.push(state.hidden.clone());
+            }
+            if direction == Direction::Backward {
+                said.reverse();
+            }
+            said.extend(zeros(WIDTH - length, hidden, device));
+            rows.push(Tensor::cat(said, 0).unsqueeze());
+            ends.push(state);
+        }
+        let last = LstmState {
+            hidden: Tensor::cat(ends.iter().map(|end| end.hidden.clone()).collect(), 0),
+            cell: Tensor::cat(ends.into_iter().map(|end| end.cell).collect(), 0),
+        };
+        (Tensor::cat(rows, 0), last)
+    } else if last_only {
+        let last = lstm_last_state(input.clone(), &LENGTHS, Some(initial.clone()), &weights, direction);
+        (Tensor::zeros([batch, WIDTH, hidden], device), last)
+    } else {
+        lstm_sequence(input.clone(), &LENGTHS, Some(initial.clone()), &weights, direction)
+    };
+    let share = if last_only { 0.0 } else { 1.0 };
+    let loss = (output.clone() * numbers(7, [batch, WIDTH, hidden], share, device)).sum()
+        + (last.hidden.clone() * numbers(8, [batch, hidden], 1.0, device)).sum()
+        + (last.cell.clone() * numbers(9, [batch, hidden], 1.0, device)).sum();
+    let gradients = loss.backward();
+    let output = if last_only { Vec::new() } else { values(&output) };
+    let mut all = vec![output, values(&last.hidden), values(&last.cell), gradient(&input, &gradients)];
+    all.extend(layer_gradients(&weights, &initial, &gradients));
+    all
+}
+
+/// Output and all gradients of a closed loop of `layers` layers, or of one that says words.
+fn closed_loop(device: &Device, layers: usize, words: bool, plain: bool) -> Vec<Vec<f32>> {
+    let (batch, feature, hidden) = (LENGTHS.len(), 4, 6);
+    let outputs = if words { 9 } else { feature };
+    let time = 5;
+    let first = numbers(1, [batch, feature], 1.0, device);
+    let table = numbers(2, [outputs, feature], 1.0, device);
+    let projection = (numbers(3, [hidden, outputs], 0.6, device), numbers(4, [outputs], 0.3, device));
+    let stack: Vec<_> = (0..layers)
+        .map(|layer| {
+            let heard = if layer == 0 { feature } else { hidden };
+            (weights(10 * (layer + 1), heard, hidden, device), state(10 * layer + 15, batch, hidden, device))
+        })
+        .collect();
+    let (weights, states): (Vec<LstmWeights>, Vec<LstmState>) = stack.iter().cloned().unzip();
+    let output: Tensor<3> = if plain {
+        let rows = LENGTHS.iter().enumerate().map(|(sequence, &length)| {
+            let mut states: Vec<_> = states.iter().map(|state| row(state, sequence)).collect();
+            let mut x = first.clone().narrow(0, sequence, 1);
+            let mut all = Vec::new();
+            for _ in 0..length {
+                for (state, weights) in states.iter_mut().zip(&weights) {
+                    *state = plain_step(x, state, weights);
+                    x = state.hidden.clone();
+                }
+                let said = x.matmul(projection.0.clone()) + projection.1.clone().unsqueeze();
+                let said = if words { said } else { said.tanh() };
+                x = if words {
+                    table.clone().select(0, said.clone().argmax(1).reshape([1]))
+                } else {
+                    said.clone()
+                };
+                all.push(said);
+            }
+            all.extend(zeros(time - length, outputs, device));
+            Tensor::cat(all, 0).unsqueeze()
+        });
+        Tensor::cat(rows.collect(), 0)
+    } else if words {
+        let state = states.into_iter().next().unwrap();
+        lstm_closed_loop_words(first.clone(), table.clone(), &LENGTHS, state, &weights[0], projection.clone())
+    } else {
+        lstm_closed_loop(first.clone(), &LENGTHS, states, &weights, projection.clone())
+    };
+    assert_eq!(output.dims(), [batch, time, outputs]);
+    let gradients = (output.clone() * numbers(7, [batch, time, outputs], 1.0, device)).sum().backward();
+    let mut all = vec![
+        values(&output),
+        gradient(&first, &gradients),
+        gradient(&projection.0, &gradients),
+        gradient(&projection.1, &gradients),
+    ];
+    if words {
+        all.push(gradient(&table, &gradients));
+    }
+    for (weights, state) in &stack {
+        all.extend(layer_gradients(weights, state, &gradients));
+    }
+    all
+}
+
+#[test]
+fn a_sequence_is_what_a_tape_makes_of_its_equations() {
+    let device = Device::flex().autodiff();
+    for direction in [Direction::Forward, Direction::Backward] {
+        let want = sequence(&device, direction, true, false);
+        assert_close(&sequence(&device, direction, false, false), &want, 2e-5);
+    }
+}
+
+#[test]
+fn the_last_state_has_the_gradients_of_a_sequence() {
+    let device = Device::flex().autodiff();
+    for direction in [Direction::Forward, Direction::Backward] {
+        let mut want = sequence(&device, direction, true, false);
+        let all = sequence(&device, direction, false, true);
+        assert_close(&all[1..3], &want[1..3], 2e-5);
+        // With no weight on the output, the tape's gradients are those of the last state alone.
+        want = last_only_on_a_tape(&device, direction);
+        assert_close(&all[3..], &want, 2e-5);
+    }
+}
+
+/// Gradients of the last state alone, from the sequence operation.
+fn last_only_on_a_tape(device: &Device, direction: Direction) -> Vec<Vec<f32>> {
+    let (batch, feature, hidden) = (LENGTHS.len(), 3, 7);
+    let input = numbers(1, [batch, WIDTH, feature], 1.0, device);
+    let weights = weights(2, feature, hidden, device);
+    let initial = state(5, batch, hidden, device);
+    let (_, last) = lstm_sequence(input.clone(), &LENGTHS, Some(initial.clone()), &weights, direction);
+    let loss = (last.hidden * numbers(8, [batch, hidden], 1.0, device)).sum()
+        + (last.cell * numbers(9, [batch, hidden], 1.0, device)).sum();
+    let gradients = loss.backward();
+    let mut all = vec![gradient(&input, &gradients)];
+    all.extend(layer_gradients(&weights, &initial, &gradients));
+    all
+}
+
+#[test]
+fn a_closed_loop_is_what_a_tape_makes_of_its_equations() {
+    let device = Device::flex().autodiff();
+    for layers in 1..=3 {
+        let want = closed_loop(&device, layers, false, true);
+        assert_close(&closed_loop(&device, layers, false, false), &want, 3e-5);
+    }
+    let want = closed_loop(&device, 1, true, true);
+    assert_close(&closed_loop(&device, 1, true, false), &want, 3e-5);
+}
+
+#[test]
+fn without_a_tape_the_values_are_the_same() {
+    let device = Device::flex();
+    let input = numbers(1, [2, 4, 3], 1.0, &device);
+    let weights = weights(2, 3, 5, &device);
+    let (output, last) = lstm_sequence(input, &[4, 2], None, &weights, Direction::Forward);
+    assert_eq!((output.dims(), last.cell.dims()), ([2, 4, 5], [2, 5]));
+    let end: Vec<f32> = values(&output)[3 * 5..4 * 5].to_vec();
+    assert_eq!(values(&last.hidden)[..5], end);
+}
+
+#[cfg(feature = "wgpu")]
+#[test]
+fn a_gpu_agrees_with_the_cpu() {
+    let gpu = match Device::wgpu_options().init() {
+        Ok(device) => device.autodiff(),
+        Err(error) => {
+            println!("skipped: no adapter ({error})");
+            return;
+        }
+    };
+    let cpu = Device::flex().autodiff();
+    for direction in [Direction::Forward, Direction::Backward] {
+        let want = sequence(&cpu, direction, false, false);
+        assert_close(&sequence(&gpu, direction, false, false), &want, 3e-5);
+    }
+    for (layers, words) in [(3, false), (1, true)] {
+        let want = closed_loop(&cpu, layers, words, false);
+        assert_close(&closed_loop(&gpu, layers, words, false), &want, 5e-5);
+    }
+}
