@@ -1,6 +1,7 @@
 //! Rollout steps per second of one core, beside MuJoCo on the same URDF, step length, gains and ground.
 //!
-//! `cargo bench --bench rollout` alternates both programs in one run and prints medians and their ratio.
+//! `cargo bench --bench rollout` alternates both programs in one run and prints medians and their ratio;
+//! `-- --svg FILE` draws the joint error over the speed for rising numbers of solver iterations.
 //! Two workloads, both without assist: holding the neutral stance, and swinging both arms.
 //! On our side the whole of [`simulate`] is timed, with inverse dynamics and retargeting switched off, since MuJoCo's side
 //! has neither; on MuJoCo's side the step loop that runs inside MuJoCo.
@@ -16,6 +17,7 @@ use std::time::Instant;
 
 use rprae::humanoid::Humanoid;
 use rprae::motion::{Body, Frame, JOINTS, Motion, joint_index};
+use rprae::report::{Chart, Panel, Point, Series};
 use rprae::simulation::{
     ADDED_INERTIA, GRAVITY_M_S2, JointForm, Level, Rollout, SimulationSettings, gains, simulate,
 };
@@ -28,6 +30,9 @@ const STEPS: usize = 2400;
 const RATE_HZ: f64 = 120.0;
 
 fn main() -> Result<(), Box<dyn Error>> {
+    let mut words = std::env::args().skip_while(|word| word != "--svg");
+    let svg = words.nth(1);
+    let mut series = Vec::new();
     let humanoid = Humanoid::new(Body::with_default_mass(1.75))?;
     println!(
         "{STEPS} steps, one core, median of {ROUNDS} alternating rounds; speeds in steps per CPU second\n"
@@ -37,9 +42,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     );
     println!("|---|---|---|---|---|---|");
     for (workload, amplitude) in [("standing", 0.0), ("arm swing", 0.5)] {
+        let mut points = Vec::new();
         for (configuration, pgs_iterations, joint_form) in [
+            ("balls, 12 PGS", 12, JointForm::Balls),
             ("balls, 8 PGS (default)", 8, JointForm::Balls),
+            ("balls, 6 PGS", 6, JointForm::Balls),
             ("balls, 4 PGS", 4, JointForm::Balls),
+            ("balls, 3 PGS", 3, JointForm::Balls),
+            ("balls, 2 PGS", 2, JointForm::Balls),
             ("reduced coordinates", 8, JointForm::Multibody),
         ] {
             let settings = SimulationSettings {
@@ -52,8 +62,18 @@ fn main() -> Result<(), Box<dyn Error>> {
                 record_rate_hz: 30.0,
                 ..SimulationSettings::default()
             };
-            compare(&humanoid, workload, amplitude, configuration, &settings)?;
+            let (ratio, error_rad) = compare(&humanoid, workload, amplitude, configuration, &settings)?;
+            if joint_form == JointForm::Balls {
+                points.push(Point { x: ratio, y: 1e3 * error_rad, interval: None });
+            }
         }
+        series.push(Series { name: workload.to_owned(), points });
+    }
+    if let Some(path) = svg {
+        let panels = vec![Panel { label: "joint error, mrad".to_owned(), series }];
+        let title = "Accuracy against speed: 12, 8, 6, 4, 3, 2 solver iterations".to_owned();
+        let chart = Chart { title, x_label: "speed, times MuJoCo".to_owned(), panels };
+        std::fs::write(path, chart.svg())?;
     }
     Ok(())
 }
@@ -64,7 +84,7 @@ fn compare(
     amplitude_rad: f64,
     configuration: &str,
     settings: &SimulationSettings,
-) -> Result<(), Box<dyn Error>> {
+) -> Result<(f64, f64), Box<dyn Error>> {
     let motion = motion(humanoid, amplitude_rad, settings.dt_secs)?;
     let folder = tempfile::tempdir()?;
     let mut peer = Peer::start(folder.path(), humanoid, &motion, settings)
@@ -86,8 +106,9 @@ fn compare(
     }
     let mut ratios: Vec<f64> = ours.iter().zip(&theirs).map(|(ours, theirs)| ours / theirs).collect();
     ratios.sort_by(f64::total_cmp);
+    let middle = if ratios.is_empty() { f64::NAN } else { median(&mut ratios) };
     let ratio = match ratios.as_slice() {
-        [lowest, .., highest] => format!("{:.2} ({lowest:.2}..{highest:.2})", median(&mut ratios.clone())),
+        [lowest, .., highest] => format!("{:.2} ({lowest:.2}..{highest:.2})", middle),
         _ => "-".to_owned(),
     };
     let peer_speed = if theirs.is_empty() { "-".to_owned() } else { format!("{:.0}", median(&mut theirs)) };
@@ -97,7 +118,7 @@ fn compare(
         errors.0,
         errors.1
     );
-    Ok(())
+    Ok((middle, errors.0))
 }
 
 /// Neutral stance, with shoulders and elbows swinging at 0.5 Hz by this amplitude.

@@ -33,6 +33,8 @@
 //! lets the body move.
 //! [`plausibility`] turns motions and rollouts into scores, [`recording`] and [`report`] into files.
 //! [`lint`] checks motions without moving them, and [`features`] prepares them for learning.
+//! [`canaries`] proves that the scores see faults.
+//! [`evaluation`] scores sentences against reference sentences.
 //! [`harness`] runs whole suites, [`manifest`] says what was run, and [`cli`] is what the programs are made of.
 //!
 //! # Example
@@ -56,20 +58,24 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+pub mod canaries;
 pub mod cli;
 pub mod dataset;
 pub mod dynamics;
+pub mod evaluation;
 pub mod features;
 pub mod harness;
 pub mod humanoid;
 pub mod kinematics;
 pub mod lint;
 pub mod manifest;
+pub mod mocap;
 pub mod model;
 pub mod motion;
 pub mod plausibility;
 pub mod recording;
 pub mod report;
+pub mod retarget;
 pub mod robot;
 pub mod simulation;
 pub mod synthesis;

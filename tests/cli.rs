@@ -223,3 +223,66 @@ fn the_urdf_is_the_body_asked_for() {
     assert!((robot.tree.total_mass_kg() - 50.0).abs() < 1e-3);
     assert_eq!(code(&rprae(&["urdf", "--height", "1750"], folder.path())), 2);
 }
+
+#[test]
+fn prepare_writes_a_set_its_account_and_its_report() {
+    let folder = empty_folder();
+    let path = folder.path();
+    fs::write(path.join("captions.jsonl"), "{\"motion\": \"stand\", \"caption\": \"A person stands.\"}\n")
+        .unwrap();
+    fs::write(path.join("corpus.txt"), "somebody walks\n").unwrap();
+    let args =
+        ["prepare", "--motions", "motions", "--captions", "captions.jsonl", "--captions", "corpus.txt"];
+    let prepare = |more: &[&str]| rprae(&[&args[..], more].concat(), path);
+    // 30 frames at 100 Hz are shorter than a second.
+    let output = prepare(&["--out", "short"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(stdout(&output).contains("0 kept (0.00 h), 1 shorter than 1 s"), "{}", stdout(&output));
+
+    fs::write(path.join("prepare.toml"), "min_secs = 0.2\n[[motions]]\npath = \"motions\"\n").unwrap();
+    let args = ["prepare", "--config", "prepare.toml", "--captions", "captions.jsonl", "--out", "set"];
+    let output = rprae(&args, path);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let text = stdout(&output);
+    assert!(text.contains("Data division: actions") && text.contains("Written: set"), "{text}");
+    let set = rprae::features::PreparedSet::load(&path.join("set")).unwrap();
+    assert_eq!((set.motions.len(), set.captions.len(), set.test.len()), (1, 1, 1));
+    let manifest: Value = serde_json::from_slice(&fs::read(path.join("set/manifest.json")).unwrap()).unwrap();
+    assert_eq!(manifest["fingerprint"].as_str(), Some(set.fingerprint.as_str()));
+    assert!(text.starts_with(&fs::read_to_string(path.join("set/report.txt")).unwrap()));
+
+    assert_eq!(code(&rprae(&args, path)), 2, "the folder holds a set already");
+    assert_eq!(code(&rprae(&[&args[..], &["--overwrite", "--quiet"]].concat(), path)), 0);
+    for (bad, part) in [
+        (&["--motions", "nowhere"][..], "nowhere"),
+        (&["--vectors", "captions.jsonl"], "line 1 is neither"),
+        (&["--paired", "9"], "there are 0"),
+        (&["--split-train", "x"], "--split-validation"),
+    ] {
+        let output = rprae(&[&args[..], &["--overwrite"], bad].concat(), path);
+        assert_eq!(code(&output), 2, "{bad:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains(part), "{bad:?}: {}", stderr(&output));
+    }
+    fs::write(path.join("motions/torn.csv"), "1,2,3\n").unwrap();
+    assert_eq!(code(&rprae(&[&args[..], &["--overwrite", "--quiet"]].concat(), path)), 3);
+}
+
+#[test]
+fn lint_ends_with_the_code_of_what_it_found() {
+    let folder = empty_folder();
+    let path = folder.path();
+    let lint = |args: &[&str]| rprae(&[&["lint", "motions", "--rate", "100"], args].concat(), path);
+    // Nothing moves, which is a warning.
+    assert_eq!(code(&lint(&[])), 0);
+    assert_eq!(code(&lint(&["--deny-warnings"])), 1);
+    fs::write(path.join("motions/torn.csv"), "1,2,3\n").unwrap();
+    let output = lint(&["--json", "-", "--junit", "junit.xml"]);
+    assert_eq!(code(&output), 3);
+    let json: Value = serde_json::from_str(&stdout(&output)).unwrap();
+    assert_eq!(json["motions"][1]["findings"][0]["code"], "schema");
+    assert!(fs::read_to_string(path.join("junit.xml")).unwrap().contains("failures=\"1\""));
+    assert_eq!(code(&rprae(&["lint", "nowhere"], path)), 2);
+    assert!(stdout(&rprae(&["lint", "--checks"], path)).contains("ground-offset"));
+    let bundled = rprae(&["lint"], path);
+    assert!(code(&bundled) == 0 && stdout(&bundled).contains("12 clean"), "{}", stdout(&bundled));
+}

@@ -18,7 +18,7 @@ const RANKS: [&[&str]; 14] = [
     &["synthesis", "features", "lint"],
     &["simulation", "model"],
     &["plausibility", "training"],
-    &["translation", "recording", "report"],
+    &["canaries", "translation", "recording", "report"],
     &["evaluation"],
     &["harness"],
     &["cli"],

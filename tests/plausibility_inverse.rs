@@ -89,3 +89,44 @@ fn a_torque_beyond_human_strength_is_counted() {
     });
     assert!(scores["l1/torque_limit_share"] > 0.002, "{scores:?}");
 }
+
+#[test]
+fn a_body_that_hangs_in_the_air_is_in_flight_but_not_in_free_fall() {
+    let hanging = score(1.0, |_, frame| frame.root_position_m[2] += 0.2);
+    assert_eq!(hanging["l1/flight_share"], 1.0);
+    assert!((hanging["l1/flight_error"] - GRAVITY_M_S2).abs() < 1e-4, "{hanging:?}");
+    assert_eq!((hanging["l1/hicks_pass"], hanging["l1/opensim_grade"]), (0.0, 0.0));
+    let falling = score(1.0, |t, frame| frame.root_position_m[2] += 6.0 - 0.5 * GRAVITY_M_S2 * t * t);
+    assert!(falling["l1/flight_error"] < 0.1 && falling["l1/residual_force"] < 1.0, "{falling:?}");
+    let standing = score(1.0, |_, _| {});
+    assert_eq!((standing["l1/hicks_pass"], standing["l1/opensim_grade"]), (1.0, 2.0));
+    assert!(!standing.contains_key("l1/flight_error"));
+}
+
+#[test]
+fn the_ends_of_a_recording_are_left_out_and_counted() {
+    // A body that starts in mid-movement: the filter bends its first frames only.
+    let scores = score(2.0, |t, frame| {
+        frame.root_position_m[1] += 0.05 * (-t / 0.03).exp();
+    });
+    assert!(scores["l1/residual_force_edges"] > 20.0 * scores["l1/residual_force"], "{scores:?}");
+    // 17 of 201 frames at either end, every other one explained: 9 of 101 at the start, 8 at the end.
+    assert!((scores["l1/edge_share"] - 17.0 / 101.0).abs() < 0.02, "{scores:?}");
+    let short = score(0.2, |_, _| {});
+    assert!((short["l1/edge_share"] - 0.5).abs() < 0.1, "never more than half: {short:?}");
+}
+
+#[test]
+fn power_is_torque_times_speed_in_both_directions() {
+    let shoulders = ["LSx", "RSx"].map(|name| joint_index(name).unwrap());
+    let swing = |hertz: f64| {
+        score(4.0, |t, frame| {
+            for joint in shoulders {
+                frame.joint_angles_rad[joint] = 1.0 + 0.5 * (std::f64::consts::TAU * hertz * t).sin();
+            }
+        })
+    };
+    let (slow, fast) = (swing(0.5), swing(2.0));
+    assert!(fast["l1/power_peak"] > 5.0 * slow["l1/power_peak"] && slow["l1/power_peak"] > 0.0, "{fast:?}");
+    assert!(fast["l1/torque_peak"] < 1.0 && fast["l1/power_limit_share"] == 0.0);
+}

@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 use rprae::humanoid::Humanoid;
 use rprae::motion::{Body, Frame, Motion, joint_index};
 use rprae::simulation::{
-    EventKind, GRAVITY_M_S2, JointForm, Level, Outcome, Rollout, RolloutSample, SimulationError,
-    SimulationSettings, simulate,
+    Conditions, EventKind, GRAVITY_M_S2, JointForm, Level, Outcome, Push, Rollout, RolloutSample, Simulation,
+    SimulationError, SimulationSettings, simulate,
 };
 
 const RATE_HZ: f64 = 100.0;
@@ -305,4 +305,34 @@ fn a_jump_of_the_recording_is_filtered_and_reported() {
     );
     let commanded = rollout.samples.iter().map(|s| s.reference_joint_angles_rad[toe]).fold(0.0, f64::max);
     assert!(commanded < 0.01, "{commanded}");
+}
+
+#[test]
+fn unknown_mass_is_carried_and_a_push_is_felt() {
+    let (humanoid, motion) = (adult(), standing(1.5));
+    let settings = SimulationSettings::default();
+    let simulation = Simulation::new(&humanoid, &motion, &settings).unwrap();
+    let heavy = Conditions { mass_factor: 1.1, ..simulation.undisturbed() };
+    let rollout = simulation.run_under(Level::L2, &heavy, &mut ()).unwrap();
+    let last: Vec<_> = rollout.samples.iter().filter(|sample| sample.time_secs > 1.0).collect();
+    let carried =
+        last.iter().map(|s| s.ground_force_n().z + s.assist_force_n.z).sum::<f64>() / last.len() as f64;
+    assert!((carried / (1.1 * weight_n()) - 1.0).abs() < 0.01, "{carried}");
+
+    // In flight nothing else acts sideways: the impulse is the change of momentum.
+    let thrown = motion_in_flight();
+    let settings = SimulationSettings { ground_correction_limit_m: 0.0, ..settings };
+    let simulation = Simulation::new(&humanoid, &thrown, &settings).unwrap();
+    let push = Push { time_secs: 0.1, duration_secs: 0.1, force_n: Vector3::new(200.0, 0.0, 0.0) };
+    let pushed = Conditions { push: Some(push), ..simulation.undisturbed() };
+    let rollout = simulation.run_under(Level::L3, &pushed, &mut ()).unwrap();
+    let x = |index: usize| center_of_mass(&humanoid, &rollout.samples[index]).x;
+    let end = rollout.samples.len() - 1;
+    let speed = (x(end) - x(end - 12)) / (12.0 * rollout.sample_interval_secs);
+    let expected = 20.0 / humanoid.body.mass_kg;
+    assert!((speed / expected - 1.0).abs() < 0.02, "{speed} for {expected} m/s");
+}
+
+fn motion_in_flight() -> Motion {
+    motion(0.4, |t, frame| frame.root_position_m[2] += 1.0 + t)
 }

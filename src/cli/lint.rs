@@ -26,6 +26,9 @@ pub(super) struct LintArgs {
     /// End with exit code 1 when there is a warning
     #[arg(long)]
     pub deny_warnings: bool,
+    /// Print notes too: what is worth knowing, though nothing is wrong
+    #[arg(long)]
+    pub notes: bool,
     /// List the checks
     #[arg(long)]
     pub checks: bool,
@@ -71,8 +74,9 @@ pub(super) fn run(args: &LintArgs) -> Result<Exit, Failure> {
     if let Some(path) = &args.junit {
         write_file(path, findings_junit(&linted, args.deny_warnings).or_failed()?.as_bytes()).or_failed()?;
     }
+    let least = if args.notes { Severity::Info } else { Severity::Warning };
     if !args.quiet && !json_to_stdout {
-        output::print(&findings_text(&linted)).or_failed()?;
+        output::print(&findings_text(&linted, least)).or_failed()?;
     }
     let worst = linted.iter().filter_map(crate::lint::Linted::worst).max();
     let denied = args.deny_warnings && worst >= Some(Severity::Warning);

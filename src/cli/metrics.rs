@@ -1,12 +1,17 @@
 //! `rprae metrics`: what the numbers mean.
 
+use std::path::{Path, PathBuf};
+
 use anyhow::anyhow;
 use clap::Args;
 
 use super::exit::{Exit, Failure, OrExit};
 use super::output;
-use crate::plausibility::{METRICS, explain, find_metric};
-use crate::report::{Align, Column, Table};
+use super::summary::BUNDLED;
+use crate::dataset::{Dataset, OpenOptions};
+use crate::humanoid::Humanoid;
+use crate::plausibility::{METRICS, ROSETTA, Score, explain, find_metric, kinematic_scores};
+use crate::report::{Align, Column, Table, compact};
 
 #[derive(Debug, Args)]
 pub(super) struct MetricsArgs {
@@ -16,9 +21,16 @@ pub(super) struct MetricsArgs {
     /// Explain every metric
     #[arg(long)]
     pub explain: bool,
+    /// Print everything that calls itself penetration, float or skating side by side, for the motions of this path
+    /// (`bundled` for the suite); per-frame values hold at the motion's own rate
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["keys", "explain"])]
+    pub rosetta: Option<PathBuf>,
 }
 
 pub(super) fn run(args: &MetricsArgs) -> Result<Exit, Failure> {
+    if let Some(path) = &args.rosetta {
+        return rosetta(path);
+    }
     let chosen = if args.keys.is_empty() {
         METRICS.to_vec()
     } else {
@@ -53,6 +65,53 @@ pub(super) fn run(args: &MetricsArgs) -> Result<Exit, Failure> {
     };
     output::print(&text).or_failed()?;
     Ok(Exit::Clean)
+}
+
+/// Prints one table a name, a row a motion.
+fn rosetta(path: &Path) -> Result<Exit, Failure> {
+    let dataset = if path == Path::new(BUNDLED) {
+        Dataset::bundled()
+    } else {
+        Dataset::open(path, &OpenOptions::default()).or_usage()?
+    };
+    let mut rows = Vec::new();
+    let mut skipped = dataset.skipped().len();
+    for entry in dataset.entries() {
+        match dataset.load(entry) {
+            Ok(sample) => {
+                let humanoid = Humanoid::new(sample.motion.body()).or_failed()?;
+                rows.push((sample.id, kinematic_scores(&humanoid, &sample.motion)));
+            }
+            Err(input) => {
+                eprintln!("skipped {}: {}", input.id, input.reason);
+                skipped += 1;
+            }
+        }
+    }
+    for (name, keys) in ROSETTA {
+        let mut columns = vec![Column {
+            heading: vec![(*name).to_owned(), String::new(), String::new()],
+            align: Align::Left,
+            min_width: None,
+            cells: rows.iter().map(|(id, _)| id.clone()).collect(),
+        }];
+        for metric in keys.iter().filter_map(|key| find_metric(key)) {
+            let value = |scores: &[Score]| {
+                let found = scores.iter().find(|score| score.metric.key == metric.key);
+                found.map_or_else(|| "-".to_owned(), |score| compact(score.value))
+            };
+            let (above, below) = metric.title.rsplit_once(' ').unwrap_or(("", metric.title));
+            columns.push(Column {
+                heading: [above, below, metric.unit].map(str::to_owned).to_vec(),
+                align: Align::Right,
+                min_width: None,
+                cells: rows.iter().map(|(_, scores)| value(scores)).collect(),
+            });
+        }
+        let table = Table { columns }.render(output::table_width());
+        output::print(&format!("{table}\n")).or_failed()?;
+    }
+    Ok(if skipped > 0 { Exit::Skipped } else { Exit::Clean })
 }
 
 fn unknown(key: &str) -> anyhow::Error {

@@ -3,7 +3,11 @@
 //! In: arguments. Out: tables and paths on standard output, progress and complaints on standard error, and an [`Exit`].
 //! Arguments become typed settings once, here; everything below takes values, not strings.
 
+mod canaries;
+mod curve;
 mod doctor;
+mod encoders;
+mod evaluate;
 mod exit;
 mod lint;
 mod metrics;
@@ -11,7 +15,9 @@ mod output;
 mod prepare;
 mod progress;
 mod regress;
+mod residuals;
 mod resolve;
+mod retarget;
 mod sim;
 mod summary;
 mod train;
@@ -61,16 +67,30 @@ enum Verb {
     Prepare(Box<prepare::PrepareArgs>),
     /// Check motions in milliseconds: units, axes, limits, jumps, sides, floor
     Lint(lint::LintArgs),
+    /// Make motions of the humanoid from motion capture: BVH, ASF/AMC, joint positions
+    Retarget(retarget::RetargetArgs),
+    /// Run motions under one condition made harder and harder: less assist, pushes, friction, mass, latency
+    Curve(Box<curve::CurveArgs>),
     /// Compare a run with an accepted one; exit code 4 on a regression
     Regress(regress::RegressArgs),
+    /// Score sentences against reference sentences: BLEU, ROUGE-L, CIDEr, BERTScore, sentence cosine
+    Evaluate(Box<evaluate::EvaluateArgs>),
+    /// Say how to get sentence encoders, or check the folder of one
+    Encoders(encoders::EncodersArgs),
     /// Print the commands that open the recordings of a run
     View(view::ViewArgs),
     /// Write the URDF of the humanoid for a height and mass
     Urdf(urdf::UrdfArgs),
     /// Examine this machine and build: versions, memory, graphics adapters, and whether they compute the same
     Doctor(doctor::DoctorArgs),
-    /// List the metrics, or explain one
+    /// List the metrics, or explain one, or print all of one name side by side for motions
     Metrics(metrics::MetricsArgs),
+    /// Print the distribution of what inverse dynamics cannot explain in a run, with reasons for the worst motions
+    Residuals(residuals::ResidualsArgs),
+    /// Put faults into clean motions and see which metric sees which; exit code 1 when a required answer is missing
+    Canaries(canaries::CanariesArgs),
+    /// Check that this machine and build can be trusted
+    Doctor(doctor::DoctorArgs),
 }
 
 /// Runs `eval-sim` with the arguments of the process.
@@ -90,10 +110,17 @@ pub fn rprae() -> ExitCode {
         Verb::Doctor(args) => doctor::run(&args),
         Verb::Prepare(args) => prepare::run(&args),
         Verb::Lint(args) => lint::run(&args),
+        Verb::Retarget(args) => retarget::run(&args),
+        Verb::Curve(args) => curve::run(&args),
         Verb::Regress(args) => regress::run(&args),
+        Verb::Evaluate(args) => evaluate::run(&args),
+        Verb::Encoders(args) => encoders::run(&args),
         Verb::View(args) => view::run(&args),
         Verb::Urdf(args) => urdf::run(&args),
         Verb::Metrics(args) => metrics::run(&args),
+        Verb::Residuals(args) => residuals::run(&args),
+        Verb::Canaries(args) => canaries::run(&args),
+        Verb::Doctor(args) => doctor::run(&args),
     })
 }
 

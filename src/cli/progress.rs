@@ -43,7 +43,7 @@ impl Display {
                 self.step(&case.id, &what, failure(case));
             }
             Progress::Skipped { input } => {
-                self.line(&format!("skipped {}: {}", shorten(&input.id, 40), shorten(&input.reason, 400)));
+                self.note(&format!("skipped {}: {}", shorten(&input.id, 40), shorten(&input.reason, 400)));
             }
         }
     }
@@ -52,7 +52,7 @@ impl Display {
         let done = 1 + self.num_done.fetch_add(1, Ordering::Relaxed);
         let id = shorten(id, 40);
         if let Some(reason) = failure {
-            self.line(&format!("failed {id}: {}", shorten(reason, 400)));
+            self.note(&format!("failed {id}: {}", shorten(reason, 400)));
         }
         match &self.bar {
             Some(bar) => {
@@ -60,6 +60,14 @@ impl Display {
                 bar.inc(1);
             }
             None => self.line(&format!("[{done}/{}] {id}: {what}", self.num_cases.load(Ordering::Relaxed))),
+        }
+    }
+
+    /// What bears on the results is said even when nothing else is.
+    fn note(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            None => eprintln!("{text}"),
         }
     }
 
@@ -135,4 +143,59 @@ fn bar() -> ProgressBar {
 
 fn failure(case: &CaseResult) -> Option<&str> {
     case.failures.first().map(String::as_str)
+}
+
+/// Shows how far a job of known length is; a line for each failure.
+pub(super) struct Steps {
+    quiet: bool,
+    bar: Option<ProgressBar>,
+    total: usize,
+    num_done: AtomicUsize,
+}
+
+/// Without a bar, every so many steps are worth a line.
+const STEPS_PER_LINE: usize = 100;
+
+impl Steps {
+    pub(super) fn new(quiet: bool, total: usize) -> Self {
+        let watched = !quiet && std::io::stderr().is_terminal();
+        let bar = watched.then(bar);
+        if let Some(bar) = &bar {
+            bar.set_length(total as u64);
+        }
+        Self { quiet, bar, total, num_done: AtomicUsize::new(0) }
+    }
+
+    /// Takes note that a step is done; called from worker threads.
+    pub(super) fn step(&self, name: &str, failure: Option<&str>) {
+        let done = 1 + self.num_done.fetch_add(1, Ordering::Relaxed);
+        if let Some(reason) = failure {
+            self.line(&format!("skipped {}: {}", shorten(name, 40), shorten(reason, 400)));
+        }
+        match &self.bar {
+            Some(bar) => {
+                bar.set_message(shorten(name, 40));
+                bar.inc(1);
+            }
+            None if done.is_multiple_of(STEPS_PER_LINE) || done == self.total => {
+                self.line(&format!("[{done}/{}]", self.total));
+            }
+            None => {}
+        }
+    }
+
+    fn line(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.println(text),
+            None if self.quiet => {}
+            None => eprintln!("{text}"),
+        }
+    }
+
+    /// Clears the bar.
+    pub(super) fn finish(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
 }

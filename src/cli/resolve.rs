@@ -1,7 +1,8 @@
 //! From arguments to settings: defaults, then the settings file, then flags.
 
+use super::retarget::read_skeleton;
 use super::sim::SimArgs;
-use crate::dataset::{Dataset, DatasetError, OpenOptions};
+use crate::dataset::{Dataset, OpenOptions};
 use crate::harness::{RunSettings, SettingsProblem};
 use crate::simulation::{JointForm, Level};
 
@@ -22,6 +23,7 @@ pub(super) fn settings(args: &SimArgs) -> Result<RunSettings, SettingsProblem> {
     settings.seed = args.seed.unwrap_or(settings.seed);
     settings.table.rate_hz = args.rate.or(settings.table.rate_hz);
     settings.table.height_m = args.height.or(settings.table.height_m);
+    settings.skeleton = args.skeleton.clone().or(settings.skeleton);
     settings.mass_kg = args.mass.or(settings.mass_kg);
     settings.recordings &= !args.no_recordings;
     settings.check()?;
@@ -29,7 +31,7 @@ pub(super) fn settings(args: &SimArgs) -> Result<RunSettings, SettingsProblem> {
 }
 
 /// The motions the settings name.
-pub(super) fn dataset(settings: &RunSettings) -> Result<Dataset, DatasetError> {
+pub(super) fn dataset(settings: &RunSettings) -> anyhow::Result<Dataset> {
     let Some(path) = &settings.motions else { return Ok(Dataset::bundled()) };
     let defaults = OpenOptions::default();
     let options = OpenOptions {
@@ -37,7 +39,11 @@ pub(super) fn dataset(settings: &RunSettings) -> Result<Dataset, DatasetError> {
         height_m: settings.table.height_m.unwrap_or(defaults.height_m),
         mass_kg: settings.mass_kg,
     };
-    Dataset::open(path, &options)
+    let dataset = Dataset::open(path, &options)?;
+    Ok(match &settings.skeleton {
+        Some(path) => dataset.with_skeleton(read_skeleton(path)?),
+        None => dataset,
+    })
 }
 
 /// A level by its name.

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use anyhow::anyhow;
 use clap::Args;
 
 use super::exit::{Exit, Failure, OrExit};
@@ -18,8 +19,8 @@ const RESULTS: &str = "results";
 /// Arguments of a run. What is not given comes from `--config`, and from the defaults where that is silent.
 #[derive(Debug, Default, Args)]
 pub(super) struct SimArgs {
-    /// Motions to run: an MMM XML file, a folder or zip in the KIT-ML layout, or a .npy, .npz or .csv table of
-    /// frames x 50; the bundled suite when absent
+    /// Motions to run: an MMM XML file, a folder or zip in the KIT-ML layout, a .npy, .npz or .csv table of
+    /// frames x 50, or motion capture (.bvh, .amc beside its .asf, joint positions); the bundled suite when absent
     #[arg(long, value_name = "PATH")]
     pub motions: Option<PathBuf>,
     /// Run folder; an unfinished run with the same settings there is continued. Default: results/NAME-NNN, a new one
@@ -56,6 +57,9 @@ pub(super) struct SimArgs {
     /// Frames per second of number tables, which do not say it themselves
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
+    /// Correspondence file (TOML) for motion capture whose joint names are not recognised
+    #[arg(long, value_name = "TOML")]
+    pub skeleton: Option<PathBuf>,
     /// Body height in metres for number tables
     #[arg(long, value_name = "METRES")]
     pub height: Option<f64>,
@@ -68,7 +72,7 @@ pub(super) struct SimArgs {
     /// Replace the run that --out holds
     #[arg(long, requires = "out")]
     pub overwrite: bool,
-    /// Print nothing but errors
+    /// Print nothing but errors, and what was skipped or failed
     #[arg(long, short)]
     pub quiet: bool,
 }
@@ -77,13 +81,11 @@ pub(super) struct SimArgs {
 pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
     let settings = resolve::settings(args).or_usage()?;
     let dataset = resolve::dataset(&settings).or_usage()?;
+    prove_physics(args, &settings)?;
     let name = settings.motions.as_deref().map_or_else(|| summary::BUNDLED.to_owned(), short_name);
     let folder = open_folder(args, &settings, &name)?;
 
-    let threads = match args.threads {
-        Some(threads) => usize::from(threads),
-        None => std::thread::available_parallelism().map_or(1, usize::from),
-    };
+    let threads = threads(args.threads);
     let display = Display::new(args.quiet);
     let source: &dyn Source = &(name.as_str(), &dataset as &Dataset);
     let run = harness::run(source, &settings, &folder, threads, &|progress| display.observe(progress));
@@ -103,6 +105,29 @@ pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
     Ok(failed.or_worse(skipped))
 }
 
+/// Nothing is scored by an engine that fails its self-test.
+pub(super) fn prove_physics(args: &SimArgs, settings: &RunSettings) -> Result<(), Failure> {
+    if !settings.levels.iter().any(|level| matches!(level, Level::L2 | Level::L3)) {
+        return Ok(());
+    }
+    let proof = harness::prove(&settings.simulation, harness::cache_folder().as_deref()).or_failed()?;
+    if let Some(check) = proof.failed().next() {
+        return Err(anyhow!(
+            "prove the physics engine, so nothing was run; `rprae doctor` shows all checks: {check}"
+        ))
+        .or_failed();
+    }
+    if !args.quiet {
+        eprintln!("{}", proof.line());
+    }
+    Ok(())
+}
+
+/// Worker threads: as many as asked for, else one a core.
+pub(super) fn threads(wanted: Option<u16>) -> usize {
+    wanted.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
+}
+
 fn open_folder(args: &SimArgs, settings: &RunSettings, name: &str) -> Result<RunFolder, Failure> {
     use crate::harness::FolderError;
 
@@ -117,6 +142,6 @@ fn open_folder(args: &SimArgs, settings: &RunSettings, name: &str) -> Result<Run
 }
 
 /// A name for tables and folders: the last part of a path without its extension.
-fn short_name(path: &Path) -> String {
+pub(super) fn short_name(path: &Path) -> String {
     path.file_stem().map_or_else(|| "motions".to_owned(), |stem| stem.to_string_lossy().into_owned())
 }

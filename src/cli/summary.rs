@@ -33,6 +33,18 @@ pub(super) fn text(run: &Run, folder: &Path, width: usize) -> String {
     );
     push_list(
         &mut text,
+        "Not simulable, left out of the means of levels 1 to 3",
+        results.not_simulable().map(|case| {
+            let held = case
+                .props
+                .iter()
+                .map(|held| format!("{} {:.1}-{:.1} s", held.prop.word(), held.from_secs, held.to_secs));
+            format!("{}: held by {}", case.id, held.collect::<Vec<_>>().join(", "))
+        }),
+        width,
+    );
+    push_list(
+        &mut text,
         "Skipped inputs",
         results.skipped.iter().map(|input| format!("{}: {}", input.id, input.reason)),
         width,

@@ -17,6 +17,8 @@ pub struct Entry {
     pub(super) name: String,
     pub(super) format: Format,
     pub(super) captions: Captions,
+    /// The skeleton file of an AMC motion.
+    pub(super) skeleton: Option<String>,
     /// Rate and height that a manifest states.
     pub(super) rate_hz: Option<f64>,
     pub(super) height_m: Option<f64>,
@@ -29,6 +31,8 @@ pub(super) enum Format {
     Npy,
     Npz,
     Csv,
+    Bvh,
+    Amc,
 }
 
 /// Where the captions of a motion are.
@@ -53,6 +57,8 @@ impl Format {
             "npy" => Some(Self::Npy),
             "npz" => Some(Self::Npz),
             "csv" => Some(Self::Csv),
+            "bvh" => Some(Self::Bvh),
+            "amc" => Some(Self::Amc),
             _ => None,
         }
     }
@@ -132,11 +138,35 @@ pub(super) fn make_entry(files: &Files, name: &str, exists: impl Fn(&str) -> boo
         id: portable_id(stem),
         source: files.source(name),
         name: name.to_owned(),
+        skeleton: skeleton_of(format, name, &exists),
         format,
         captions: if exists(&annotations) { Captions::File(annotations) } else { Captions::None },
         rate_hz: None,
         height_m: None,
     })
+}
+
+/// The skeleton file beside an AMC motion: the `.asf` with the longest name that begins the motion's.
+pub(super) fn skeleton_of(format: Format, name: &str, exists: impl Fn(&str) -> bool) -> Option<String> {
+    let (stem, _) = name.rsplit_once('.').filter(|_| format == Format::Amc)?;
+    let start = stem.rfind('/').map_or(0, |slash| slash + 1);
+    let ends = stem[start..].char_indices().map(|(index, symbol)| start + index + symbol.len_utf8());
+    let ends: Vec<usize> = ends.collect();
+    ends.into_iter()
+        .rev()
+        .flat_map(|end| ["asf", "ASF"].map(|extension| format!("{}.{extension}", &stem[..end])))
+        .find(|candidate| exists(candidate))
+}
+
+impl Entry {
+    /// The entry as one that cannot be used.
+    pub(super) fn skipped(&self, error: &impl std::fmt::Display) -> Skipped {
+        Skipped {
+            id: self.id.clone(),
+            source: self.source.clone(),
+            reason: error.to_string().replace(['\n', '\r'], " "),
+        }
+    }
 }
 
 #[cfg(test)]

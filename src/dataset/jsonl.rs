@@ -5,7 +5,7 @@ use std::path::{Component, Path};
 
 use serde::Deserialize;
 
-use super::entry::{Captions, Entry, Format, is_portable_id, portable_id};
+use super::entry::{Captions, Entry, Format, is_portable_id, portable_id, skeleton_of};
 use super::files::{Files, MAX_FILES, MAX_TEXT_BYTES};
 use super::{DatasetError, Skipped, one_line};
 
@@ -87,7 +87,10 @@ fn make_entry(line: Line, folder: &Path, root: &Path) -> Result<Entry, String> {
         return Err(format!("the file {:?} is not inside the manifest's folder", one_line(&line.file)));
     }
     let Some(format) = Format::of(&line.file) else {
-        return Err(format!("the file {:?} is none of .xml, .npy, .npz, .csv", one_line(&line.file)));
+        return Err(format!(
+            "the file {:?} is none of .xml, .bvh, .amc, .npy, .npz, .csv",
+            one_line(&line.file)
+        ));
     };
     let source = folder.join(path);
     let target =
@@ -117,6 +120,7 @@ fn make_entry(line: Line, folder: &Path, root: &Path) -> Result<Entry, String> {
     Ok(Entry {
         id,
         source,
+        skeleton: skeleton_of(format, &line.file, |other| folder.join(other).is_file()),
         name: line.file,
         format,
         captions,

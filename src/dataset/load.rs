@@ -4,7 +4,8 @@ use super::captions::{clean_captions, parse_annotations};
 use super::entry::{Captions, Format};
 use super::files::{FileError, MAX_MOTION_BYTES, MAX_TEXT_BYTES};
 use super::mmm::{MmmError, MmmFault, read_mmm};
-use super::table::{TableError, read_table};
+use super::mocap::{self, CaptureError};
+use super::table::{Content, TableError, read_table};
 use super::{DEFAULT_TABLE_RATE_HZ, Dataset, Entry, Sample, Skipped};
 use crate::motion::{Body, Motion, MotionError};
 
@@ -17,6 +18,8 @@ enum LoadError {
     Mmm(#[from] MmmError),
     #[error(transparent)]
     Table(#[from] TableError),
+    #[error(transparent)]
+    Capture(#[from] CaptureError),
     #[error(transparent)]
     Motion(#[from] MotionError),
 }
@@ -59,7 +62,7 @@ impl LoadError {
             Self::Table(TableError::Degrees { .. }) => FaultKind::Degrees,
             Self::Table(TableError::Millimetres { .. }) => FaultKind::Units,
             Self::Table(TableError::Motion(error)) | Self::Motion(error) => of_motion(error),
-            Self::Table(_) => FaultKind::Schema,
+            Self::Table(_) | Self::Capture(_) => FaultKind::Schema,
         }
     }
 }
@@ -89,11 +92,7 @@ impl Dataset {
     /// The kind with [`Skipped`].
     pub fn load_or_fault(&self, entry: &Entry) -> Result<Sample, (FaultKind, Skipped)> {
         self.read(entry).map_err(|error| {
-            let skipped = Skipped {
-                id: entry.id.clone(),
-                source: entry.source.clone(),
-                reason: error.to_string().replace(['\n', '\r'], " "),
-            };
+            let skipped = entry.skipped(&error);
             (error.kind(), skipped)
         })
     }
@@ -103,6 +102,11 @@ impl Dataset {
         let (motion, mut warnings) = match entry.format {
             Format::Mmm => self.motion_from_mmm(entry, &bytes)?,
             Format::Npy | Format::Npz | Format::Csv => self.motion_from_table(entry, &bytes)?,
+            Format::Bvh | Format::Amc => {
+                let retargeted = self.retarget_capture(entry, &bytes)?;
+                let warnings = mocap::warnings(&retargeted);
+                (retargeted.motion, warnings)
+            }
         };
         let captions = self.captions(entry, &mut warnings);
         Ok(Sample { id: entry.id.clone(), motion, captions, warnings, source: entry.source.clone() })
@@ -131,6 +135,15 @@ impl Dataset {
     fn motion_from_table(&self, entry: &Entry, bytes: &[u8]) -> Result<(Motion, Vec<String>), LoadError> {
         let table = read_table(bytes, entry.format)?;
         let mut warnings = table.warnings;
+        let frames = match table.content {
+            Content::Frames(frames) => frames,
+            Content::Positions(order, centres) => {
+                let clip = order.clip(centres, table.rate_hz).map_err(CaptureError::from)?;
+                let retargeted = self.retarget_clip(entry, &clip, table.height_m)?;
+                warnings.extend(mocap::warnings(&retargeted));
+                return Ok((retargeted.motion, warnings));
+            }
+        };
         let stated = entry.rate_hz.or(table.rate_hz).or(self.options.rate_hz);
         let rate_hz = stated.unwrap_or_else(|| {
             warnings.push(format!(
@@ -139,7 +152,7 @@ impl Dataset {
             DEFAULT_TABLE_RATE_HZ
         });
         let height_m = entry.height_m.or(table.height_m).unwrap_or(self.options.height_m);
-        let motion = Motion::new(body(height_m, self.options.mass_kg), rate_hz, table.frames)?;
+        let motion = Motion::new(body(height_m, self.options.mass_kg), rate_hz, frames)?;
         Ok((motion, warnings))
     }
 

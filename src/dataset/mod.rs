@@ -1,6 +1,7 @@
 //! Files to checked domain types; the only place where millimetres exist.
 //!
-//! In: MMM XML files, folders and zips in the KIT-ML layout, JSONL manifests, and plain number tables.
+//! In: MMM XML files, folders and zips in the KIT-ML layout, JSONL manifests, plain number tables, and motion capture of
+//! other skeletons, which is retargeted on the way.
 //! Out: [`Sample`]s, each a [`Motion`] with its id and captions, and [`Skipped`] inputs with the reason.
 //! Nothing a file says may crash, hang or exhaust memory.
 //!
@@ -16,6 +17,7 @@ mod files;
 mod jsonl;
 mod load;
 pub mod mmm;
+mod mocap;
 mod pieces;
 mod table;
 mod word_vectors;
@@ -30,6 +32,7 @@ pub use word_vectors::{Coverage, VectorError, WordVectors};
 use std::path::{Path, PathBuf};
 
 use crate::motion::{Motion, bounds};
+use crate::retarget::Correspondence;
 use archive::Archive;
 use files::Files;
 
@@ -103,7 +106,7 @@ pub enum DatasetError {
     },
     /// A kind of file that holds no motions.
     #[error(
-        "read {}: {reason}; expected a folder, .zip, .xml, .npy, .npz, .csv or .jsonl",
+        "read {}: {reason}; expected a folder, .zip, .xml, .bvh, .amc, .npy, .npz, .csv or .jsonl",
         .path.display()
     )]
     Unsupported {
@@ -162,15 +165,18 @@ pub struct Dataset {
     /// Whether `files` is what the dataset consists of, rather than the folder around a file.
     listed: bool,
     cache: Option<cache::Cache>,
+    /// Correspondence for motion capture; recognised by joint names when absent.
+    skeleton: Option<Correspondence>,
 }
 
 impl Dataset {
     /// Lists the motions at a path.
     ///
-    /// - A folder: `NNNNN_mmm.xml` with captions in `NNNNN_annotations.json`, any other `.xml`, `.npy`, `.npz` and `.csv`.
+    /// - A folder: `NNNNN_mmm.xml` with captions in `NNNNN_annotations.json`, any other `.xml`, `.npy`, `.npz` and `.csv`,
+    ///   and motion capture as `.bvh`, or as `.amc` with its `.asf`.
     ///   Subfolders are not searched.
     /// - A `.zip`: the same within it, in any of its folders, read in place.
-    /// - A single `.xml`, `.npy`, `.npz` or `.csv`, with the captions beside it if there are any.
+    /// - A single `.xml`, `.bvh`, `.amc`, `.npy`, `.npz` or `.csv`, with the captions beside it if there are any.
     /// - A `.jsonl` manifest: one object a line with `file` (relative to the manifest, never outside its folder) and
     ///   optionally `id`, `caption` or `captions`, `rate_hz`, `height_m`.
     ///
@@ -192,7 +198,15 @@ impl Dataset {
             "zip" => Self::list(Files::Archive(Archive::open(path)?), *options)?,
             "jsonl" => {
                 let (files, entries, skipped) = jsonl::open_manifest(path)?;
-                Self { files, entries, skipped, options: *options, listed: false, cache: None }
+                Self {
+                    files,
+                    entries,
+                    skipped,
+                    options: *options,
+                    listed: false,
+                    cache: None,
+                    skeleton: None,
+                }
             }
             _ => Self::single(path, &extension, *options)?,
         };
@@ -211,13 +225,13 @@ impl Dataset {
         let (files, mut skipped) = (Files::Memory(files), Vec::new());
         let mut entries = entry::find_entries(&files, &names, &mut skipped);
         entries.sort_by(|a, b| a.id.cmp(&b.id));
-        Self { files, entries, skipped, options, listed: true, cache: None }
+        Self { files, entries, skipped, options, listed: true, cache: None, skeleton: None }
     }
 
     fn list(files: Files, options: OpenOptions) -> Result<Self, DatasetError> {
         let (names, mut skipped) = files.names()?;
         let entries = entry::find_entries(&files, &names, &mut skipped);
-        Ok(Self { files, entries, skipped, options, listed: true, cache: None })
+        Ok(Self { files, entries, skipped, options, listed: true, cache: None, skeleton: None })
     }
 
     fn single(path: &Path, extension: &str, options: OpenOptions) -> Result<Self, DatasetError> {
@@ -233,7 +247,15 @@ impl Dataset {
         let files = Files::Folder(folder.to_owned());
         let entry = entry::make_entry(&files, name, |other| folder.join(other).is_file());
         let entry = entry.ok_or_else(|| unsupported(reason))?;
-        Ok(Self { files, entries: vec![entry], skipped: Vec::new(), options, listed: false, cache: None })
+        Ok(Self {
+            files,
+            entries: vec![entry],
+            skipped: Vec::new(),
+            options,
+            listed: false,
+            cache: None,
+            skeleton: None,
+        })
     }
 
     fn sorted(mut self, path: &Path) -> Result<Self, DatasetError> {
@@ -244,7 +266,7 @@ impl Dataset {
                 Some(first) => {
                     format!("{} inputs, none usable; the first: {}", self.skipped.len(), first.reason)
                 }
-                None => "there is no .xml, .npy, .npz or .csv".to_owned(),
+                None => "there is no .xml, .bvh, .amc, .npy, .npz or .csv".to_owned(),
             };
             return Err(DatasetError::Empty { path: path.to_owned(), reason });
         }

@@ -52,19 +52,36 @@ impl ContactSolver {
         wanted_force_n: &Vector3<f64>,
         wanted_moment_nm: &Vector3<f64>,
     ) -> ContactForces {
+        self.solve_with_grips(points, &[], root, wanted_force_n, wanted_moment_nm)
+    }
+
+    /// As [`ContactSolver::solve`], with places besides where a force of any direction may act: a hand on a rail, a seat.
+    ///
+    /// The forces at `grips` follow those at `points` in the result; they cost as much as a point on the floor.
+    #[must_use]
+    pub fn solve_with_grips(
+        &self,
+        points: &[(Point3<f64>, f64)],
+        grips: &[Point3<f64>],
+        root: &Vector3<f64>,
+        wanted_force_n: &Vector3<f64>,
+        wanted_moment_nm: &Vector3<f64>,
+    ) -> ContactForces {
+        let places: Vec<(Point3<f64>, f64)> =
+            points.iter().copied().chain(grips.iter().map(|grip| (*grip, 0.0))).collect();
         let unexplained = ContactForces {
-            forces_n: vec![Vector3::zeros(); points.len()],
+            forces_n: vec![Vector3::zeros(); places.len()],
             residual_force_n: *wanted_force_n,
             residual_moment_nm: *wanted_moment_nm,
         };
-        if points.is_empty() {
+        if places.is_empty() {
             return unexplained;
         }
         let moment_scale = self.weight_n * self.height_m / 10.0;
-        let num_columns = 3 * points.len();
+        let num_columns = 3 * places.len();
         // Wrench of unit forces (in body weights), force rows over moment rows, scaled.
         let mut wrench = DMatrix::zeros(6, num_columns);
-        for (index, (point, _)) in points.iter().enumerate() {
+        for (index, (point, _)) in places.iter().enumerate() {
             let lever = (point.coords - root) * (self.weight_n / moment_scale);
             wrench.view_mut((0, 3 * index), (3, 3)).copy_from(&nalgebra::Matrix3::identity());
             wrench.view_mut((3, 3 * index), (3, 3)).copy_from(&lever.cross_matrix());
@@ -72,14 +89,16 @@ impl ContactSolver {
         let force = wanted_force_n / self.weight_n;
         let moment = wanted_moment_nm / moment_scale;
         let wanted = DVector::from_iterator(6, force.iter().chain(moment.iter()).copied());
-        let costs: Vec<f64> = points
+        let costs: Vec<f64> = places
             .iter()
             .map(|(_, height_m)| REGULARISATION * (1.0 + (height_m.max(0.0) / SOFT_HEIGHT_M).powi(2)))
             .collect();
-        let Some(solution) = self.minimise(&wrench, &wanted, &costs) else { return unexplained };
+        let Some(solution) = self.minimise(&wrench, &wanted, &costs, points.len()) else {
+            return unexplained;
+        };
 
         let residual = wanted - wrench * &solution;
-        let forces_n = (0..points.len())
+        let forces_n = (0..places.len())
             .map(|index| {
                 Vector3::new(solution[3 * index], solution[3 * index + 1], solution[3 * index + 2])
                     * self.weight_n
@@ -92,11 +111,18 @@ impl ContactSolver {
         }
     }
 
-    /// Minimises `|r|^2 + sum of costs |f|^2` over forces `f` in their friction cones, with `r = wanted - wrench f`.
+    /// Minimises `|r|^2 + sum of costs |f|^2` over forces `f` with `r = wanted - wrench f`; the first `num_cones` forces stay
+    /// in their friction cones, the others are free.
     ///
     /// The residual is kept as variables of its own: the quadratic form is then diagonal and the solver's matrix sparse.
-    fn minimise(&self, wrench: &DMatrix<f64>, wanted: &DVector<f64>, costs: &[f64]) -> Option<DVector<f64>> {
-        let (num_points, num_forces) = (costs.len(), 3 * costs.len());
+    fn minimise(
+        &self,
+        wrench: &DMatrix<f64>,
+        wanted: &DVector<f64>,
+        costs: &[f64],
+        num_cones: usize,
+    ) -> Option<DVector<f64>> {
+        let num_forces = 3 * costs.len();
         let num_columns = num_forces + 6;
         let quadratic = Columns::new(num_columns, |column, entries| {
             entries.push((column, 2.0 * costs.get(column / 3).copied().unwrap_or(1.0)));
@@ -109,18 +135,22 @@ impl ContactSolver {
             }
             entries.extend((0..6).map(|row| (row, wrench[(row, column)])).filter(|(_, value)| *value != 0.0));
             let (point, axis) = (column / 3, column % 3);
+            if point >= num_cones {
+                return;
+            }
             let (row, value) = if axis == 2 { (0, -self.friction) } else { (axis + 1, -1.0) };
             entries.push((6 + 3 * point + row, value));
         });
-        let mut bounds = vec![0.0; 6 + num_forces];
+        let num_rows = 6 + 3 * num_cones;
+        let mut bounds = vec![0.0; num_rows];
         bounds[..6].copy_from_slice(wanted.as_slice());
         let mut cones = vec![SupportedConeT::ZeroConeT(6)];
-        cones.extend(vec![SupportedConeT::SecondOrderConeT(3); num_points]);
+        cones.extend(vec![SupportedConeT::SecondOrderConeT(3); num_cones]);
         let settings = DefaultSettings { verbose: false, ..DefaultSettings::default() };
         let mut solver = DefaultSolver::new(
             &quadratic.matrix(num_columns),
             &vec![0.0; num_columns],
-            &constraints.matrix(6 + num_forces),
+            &constraints.matrix(num_rows),
             &bounds,
             &cones,
             settings,
@@ -200,5 +230,23 @@ mod tests {
         let wanted = Vector3::new(1.0, 2.0, 3.0);
         let found = SOLVER.solve(&[], &Vector3::zeros(), &wanted, &wanted);
         assert_eq!((found.residual_force_n, found.residual_moment_nm), (wanted, wanted));
+    }
+
+    #[test]
+    fn a_grip_pulls_where_the_floor_cannot() {
+        let root = Vector3::new(0.0, 0.0, 0.9);
+        let down = Vector3::new(0.0, 0.0, -100.0);
+        let found = SOLVER.solve_with_grips(
+            &square(),
+            &[Point3::new(0.0, 0.0, 1.8)],
+            &root,
+            &down,
+            &Vector3::zeros(),
+        );
+        assert_eq!(found.forces_n.len(), 5);
+        assert!(
+            (found.forces_n[4].z + 100.0).abs() < 1.0 && found.residual_force_n.norm() < 1.0,
+            "{found:?}"
+        );
     }
 }

@@ -10,10 +10,12 @@ use super::{RunFolder, RunSettings, Source};
 use crate::dataset::Sample;
 use crate::humanoid::Humanoid;
 use crate::manifest::{RunKey, SkippedInput};
-use crate::plausibility::{Score, inverse_scores, kinematic_scores, rollout_scores};
+use crate::plausibility::{
+    PropSupport, Score, inverse_scores, kinematic_scores, prop_supports, rollout_scores,
+};
 use crate::recording::{Recorder, RecordingError, RecordingHeader, RecordingSummary};
 use crate::report::{CaseResult, LevelResult};
-use crate::simulation::{Level, Outcome, Rollout, RolloutSample, Simulation};
+use crate::simulation::{Event, Level, Observer, Outcome, Rollout, RolloutSample, Simulation};
 
 /// What all cases of a run share.
 pub(super) struct CaseContext<'a> {
@@ -68,7 +70,9 @@ pub(super) fn finish_case(
     }
     let evaluated = catch_unwind(AssertUnwindSafe(|| evaluate(context, &sample)));
     match evaluated {
-        Ok((levels, failures)) => (case.levels, case.failures) = (levels, failures),
+        Ok(Evaluation { props, levels, failures }) => {
+            (case.props, case.levels, case.failures) = (props, levels, failures);
+        }
         Err(panic) => case.failures.push(format!("panicked: {}", panic_message(&*panic))),
     }
     context.folder.write_case(&case)?;
@@ -78,7 +82,8 @@ pub(super) fn finish_case(
 /// Whether a result found in the folder is whole and belongs to the same motion.
 fn is_current(context: &CaseContext<'_>, found: &CaseResult, case: &CaseResult) -> bool {
     let recorded = found.levels.iter().filter_map(|level| level.recording.as_ref());
-    let same_input = CaseResult { levels: Vec::new(), failures: Vec::new(), ..found.clone() } == *case;
+    let same_input =
+        CaseResult { levels: Vec::new(), failures: Vec::new(), props: Vec::new(), ..found.clone() } == *case;
     same_input
         && !found.failed()
         && recorded.into_iter().all(|path| context.folder.path().join(path).is_file())
@@ -98,16 +103,30 @@ fn unfinished(sample: &Sample) -> CaseResult {
         num_frames: motion.num_frames(),
         duration_secs: motion.duration_secs(),
         warnings: sample.warnings.clone(),
+        props: Vec::new(),
         levels: Vec::new(),
         failures: Vec::new(),
     }
 }
 
-fn evaluate(context: &CaseContext<'_>, sample: &Sample) -> (Vec<LevelResult>, Vec<String>) {
+/// What came of a case.
+#[derive(Default)]
+struct Evaluation {
+    props: Vec<PropSupport>,
+    levels: Vec<LevelResult>,
+    failures: Vec<String>,
+}
+
+fn evaluate(context: &CaseContext<'_>, sample: &Sample) -> Evaluation {
     let mut failures = Vec::new();
     let humanoid = match Humanoid::new(sample.motion.body()) {
         Ok(humanoid) => humanoid,
-        Err(error) => return (Vec::new(), vec![format!("build the body: {error}")]),
+        Err(error) => {
+            return Evaluation {
+                failures: vec![format!("build the body: {error}")],
+                ..Evaluation::default()
+            };
+        }
     };
     // Made for the first level that needs it; all levels above L0 share it.
     let settings = &context.settings.simulation;
@@ -132,7 +151,11 @@ fn evaluate(context: &CaseContext<'_>, sample: &Sample) -> (Vec<LevelResult>, Ve
         }
         levels.push(result);
     }
-    (levels, failures)
+    // Level 0 runs without inverse dynamics, and so without this.
+    let needs_floor = context.settings.levels.iter().any(|&level| level != Level::L0);
+    let prepared = if needs_floor { simulation.as_ref().ok() } else { None };
+    let props = prepared.map(|simulation| prop_supports(&humanoid, simulation.reference_motion()));
+    Evaluation { props: props.unwrap_or_default(), levels, failures }
 }
 
 fn empty_level(level: Level) -> LevelResult {
@@ -147,7 +170,7 @@ fn simulated_level(
     failures: &mut Vec<String>,
 ) {
     let level = result.level;
-    let rollout = match simulation.run(level, &mut |sample| recording.sample(sample)) {
+    let rollout = match simulation.run_under(level, &simulation.undisturbed(), &mut recording) {
         Ok(rollout) => rollout,
         Err(error) => {
             failures.push(format!("{level}: {error}"));
@@ -208,9 +231,10 @@ impl Recording {
         }
     }
 
-    fn sample(&mut self, sample: &RolloutSample) {
+    /// Writes on, unless something went wrong before.
+    fn write(&mut self, write: impl FnOnce(&mut Recorder) -> Result<(), RecordingError>) {
         if let Some(recorder) = &mut self.recorder
-            && let Err(error) = recorder.sample(sample)
+            && let Err(error) = write(recorder)
         {
             self.recorder = None;
             self.error = Some(error);
@@ -232,6 +256,16 @@ impl Recording {
         let result_json = serde_json::to_string_pretty(result).unwrap_or_default();
         recorder.finish(rollout, &RecordingSummary { result_json: &result_json, scores })?;
         Ok(Some(self.path))
+    }
+}
+
+impl Observer for Recording {
+    fn sample(&mut self, sample: &RolloutSample) {
+        self.write(|recorder| recorder.sample(sample));
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.write(|recorder| recorder.event(event));
     }
 }
 

@@ -6,14 +6,18 @@
 //! The files are the same bytes for any number of threads; what took how long is in `timings.json` alone.
 
 mod case;
+mod curve;
 mod fingerprint;
 mod folder;
+mod proof;
 mod publish;
 mod settings;
 mod source;
 
+pub use curve::{Condition, CurveSettings, run_curve};
 pub use fingerprint::motion_sha256;
 pub use folder::{FolderError, RunFolder};
+pub use proof::{Proof, cache_folder, prove};
 pub use publish::publish;
 pub use settings::{RunSettings, SettingsProblem, TableSettings};
 pub use source::Source;

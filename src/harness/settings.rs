@@ -35,6 +35,8 @@ pub struct RunSettings {
     pub recordings: bool,
     /// Seed of the bootstrap intervals; nothing else in a run is random. At most 2^63 - 1, since TOML has no larger number.
     pub seed: u64,
+    /// Correspondence file for motion capture whose joint names are not recognised.
+    pub skeleton: Option<PathBuf>,
     /// Body mass for all motions, kilograms; when absent, what the file says or 22.5 kg/m^2 for its height.
     pub mass_kg: Option<f64>,
     /// How to read plain number tables.
@@ -52,6 +54,7 @@ impl Default for RunSettings {
             levels: vec![Level::L0, Level::L1, Level::L2, Level::L3],
             recordings: true,
             seed: 0,
+            skeleton: None,
             mass_kg: None,
             table: TableSettings::default(),
             simulation: SimulationSettings::default(),

@@ -124,13 +124,17 @@ fn surface_points(collision: &Collision) -> Vec<Point3<f64>> {
             Shape::Capsule { radius_m, length_m } => {
                 let around = Vector3::from(direction).normalize() * radius_m;
                 let stations: &[f64] = if z == 0.0 { &[-0.5, 0.0, 0.5] } else { &[0.5 * z] };
-                stations.iter().for_each(|station| add(around + Vector3::z() * (station * length_m)));
+                for station in stations {
+                    add(around + Vector3::z() * (station * length_m));
+                }
             }
             Shape::Cylinder { radius_m, length_m } => {
                 let side = Vector3::new(x, y, 0.0).try_normalize(0.0).unwrap_or_default() * radius_m;
                 // Rings at both ends, at the middle and between, and the centres of both discs.
                 let stations: &[f64] = if z == 0.0 { &[-0.25, 0.0, 0.25] } else { &[0.5 * z] };
-                stations.iter().for_each(|station| add(side + Vector3::z() * (station * length_m)));
+                for station in stations {
+                    add(side + Vector3::z() * (station * length_m));
+                }
             }
         }
     }

@@ -1,7 +1,7 @@
 //! Checks of the 50 channels by themselves.
 
 use super::finding::{CONSTANT, Finding, JUMP, LIMIT, SAMPLING, Severity, UNITS_ANGLE, UNITS_LENGTH};
-use crate::motion::{JOINTS, Motion, NUM_JOINTS, ROOT_CHANNEL_NAMES, find_jumps};
+use crate::motion::{JOINTS, Motion, NUM_JOINTS, ROOT_CHANNEL_NAMES, find_jumps, joint_index};
 
 /// Excess over a limit that is rounding or a fit's tolerance, radians (1 degree).
 const LIMIT_TOLERANCE_RAD: f64 = 0.0175;
@@ -15,11 +15,23 @@ const MAX_ROOT_SPEED_M_S: f64 = 14.0;
 /// Root turning speed no person reaches, radians per second; figure skaters reach about 36.
 const MAX_ROOT_TURN_RAD_S: f64 = 40.0;
 
-/// Frames repeated for longer than this are a gap that was filled, seconds.
+/// Frames repeated for longer than this in the middle of a movement are a gap that was filled, seconds.
 const MAX_HELD_SECS: f64 = 0.05;
 
-/// Joints whose constancy matters: hips, knees, shoulders and elbows about their main axes.
-const MAIN_JOINTS: [&str; 8] = ["LHx", "RHx", "LKx", "RKx", "LSx", "RSx", "LEx", "REx"];
+/// Share of frames that may repeat the one before in the middle of a movement.
+const MAX_HELD_SHARE: f64 = 0.05;
+
+/// Speed of the fastest joint above which the body is in the middle of a movement, radians per second.
+const MOVING_RAD_S: f64 = 0.5;
+
+/// Path of the root that legs must have made, metres.
+const TRAVEL_M: f64 = 0.5;
+
+/// Range of a leg joint whose other side cannot be still, radians.
+const LEG_RANGE_RAD: f64 = 0.3;
+
+/// Hips, knees and ankles about their main axis, left and right.
+const LEG_PAIRS: [[&str; 2]; 3] = [["LHx", "RHx"], ["LKx", "RKx"], ["LAx", "RAx"]];
 
 pub(super) fn check(motion: &Motion, findings: &mut Vec<Finding>) {
     let degrees = check_units(motion, findings);
@@ -132,59 +144,101 @@ fn check_jumps(motion: &Motion, findings: &mut Vec<Finding>) {
 }
 
 /// Whether the motion moves at all.
+///
+/// Somebody who stands still repeats frames too, and so do made motions; a hold that begins and ends at speed does not
+/// happen to a body.
 fn check_held(motion: &Motion, findings: &mut Vec<Finding>) -> bool {
     let frames = motion.frames();
-    let (mut start, mut longest) = (0, (0, 0));
-    for index in 1..=frames.len() {
-        if index == frames.len() || frames[index] != frames[start] {
-            if index - start > longest.1 {
-                longest = (start, index - start);
-            }
-            start = index;
-        }
-    }
-    let (start, length) = longest;
-    if length == frames.len() {
-        if length > 1 {
+    if frames.iter().all(|frame| frame == &frames[0]) {
+        if frames.len() > 1 {
             findings.push(SAMPLING.found(Severity::Warning, "", "all frames are equal: nothing moves"));
         }
         return false;
     }
-    let held_secs = (length - 1) as f64 / motion.rate_hz();
-    if length > 2 && held_secs > MAX_HELD_SECS {
-        let message =
-            format!("{length} equal frames in a row, {held_secs:.2} s: a gap that was filled, or a still");
-        findings.push(SAMPLING.found(
-            Severity::Warning,
-            format!("frames {start} to {}", start + length - 1),
-            message,
-        ));
+    let moves = |from: usize| {
+        let pair = frames.get(from..from + 2);
+        pair.is_some_and(|pair| {
+            let angles = pair[0].joint_angles_rad.iter().zip(&pair[1].joint_angles_rad);
+            angles.map(|(a, b)| (b - a).abs()).fold(0.0, f64::max) * motion.rate_hz() > MOVING_RAD_S
+        })
+    };
+    let (mut start, mut longest, mut num_held) = (0, (0, 0), 0);
+    for index in 1..frames.len() {
+        if frames[index] == frames[start] {
+            continue;
+        }
+        let held = index - 1 - start;
+        if held > 0 && start > 0 && moves(start - 1) && moves(index - 1) {
+            num_held += held;
+            if held > longest.1 {
+                longest = (start, held);
+            }
+        }
+        start = index;
+    }
+    let (first, held) = longest;
+    let held_secs = held as f64 / motion.rate_hz();
+    let place = format!("frames {first} to {}", first + held);
+    if held > 1 && held_secs > MAX_HELD_SECS {
+        let message = format!(
+            "the body stops dead for {held_secs:.2} s in the middle of a movement: a gap that was filled"
+        );
+        findings.push(SAMPLING.found(Severity::Warning, place, message));
+    } else if num_held as f64 > MAX_HELD_SHARE * frames.len() as f64 {
+        let message = format!(
+            "{num_held} of {} frames repeat the one before in the middle of a movement: the rate is lower than stated",
+            frames.len()
+        );
+        findings.push(SAMPLING.found(Severity::Warning, place, message));
     }
     true
 }
 
 fn check_constant(motion: &Motion, findings: &mut Vec<Finding>) {
     let first = motion.frames()[0].to_channels();
-    let mut constant = [true; NUM_JOINTS + 6];
+    let (mut low, mut high) = (first, first);
     for frame in motion.frames() {
-        for (constant, (value, first)) in constant.iter_mut().zip(frame.to_channels().iter().zip(&first)) {
-            *constant &= value == first;
+        for (channel, value) in frame.to_channels().into_iter().enumerate() {
+            low[channel] = low[channel].min(value);
+            high[channel] = high[channel].max(value);
         }
     }
-    let names: Vec<&str> = (0..constant.len())
-        .filter(|channel| constant[*channel])
+    let range_of = |name: &str| joint_index(name).map_or(0.0, |joint| high[joint] - low[joint]);
+    let path_m: f64 = motion
+        .frames()
+        .windows(2)
+        .map(|pair| {
+            let moved = |axis: usize| pair[1].root_position_m[axis] - pair[0].root_position_m[axis];
+            moved(0).hypot(moved(1))
+        })
+        .sum();
+    let legs_still = LEG_PAIRS.iter().flatten().all(|name| range_of(name) == 0.0);
+    if legs_still && path_m > TRAVEL_M {
+        let message = format!("the legs never move while the root travels {path_m:.1} m");
+        findings.push(CONSTANT.found(Severity::Warning, "legs", message));
+    }
+    for pair in LEG_PAIRS {
+        for [still, moving] in [pair, [pair[1], pair[0]]] {
+            if range_of(still) == 0.0 && range_of(moving) > LEG_RANGE_RAD {
+                let message = format!(
+                    "it never changes while {moving} moves by {:.0} degrees",
+                    range_of(moving).to_degrees()
+                );
+                findings.push(CONSTANT.found(Severity::Warning, still, message));
+            }
+        }
+    }
+    let names: Vec<&str> = (0..low.len())
+        .filter(|channel| low[*channel] == high[*channel])
         .map(|channel| match JOINTS.get(channel) {
             Some(joint) => joint.short_name(),
             None => ROOT_CHANNEL_NAMES[channel - NUM_JOINTS],
         })
         .collect();
-    if names.is_empty() {
-        return;
+    if !names.is_empty() {
+        let message = format!("{} channels never change", names.len());
+        findings.push(CONSTANT.found(Severity::Info, names.join(" "), message));
     }
-    let matters = names.iter().any(|name| MAIN_JOINTS.contains(name));
-    let severity = if matters { Severity::Warning } else { Severity::Info };
-    let message = format!("{} channels never change", names.len());
-    findings.push(CONSTANT.found(severity, names.join(" "), message));
 }
 
 /// Sorts; 0 for nothing.

@@ -26,17 +26,19 @@ fn line(finding: &Finding) -> String {
     format!("{} {}: {place}{}", finding.severity.word(), finding.code, finding.message)
 }
 
-/// Findings by motion, each with its remedy, and a line of counts. Clean motions are counted only.
+/// Findings of at least this severity by motion, each with its remedy, and a line of counts.
+///
+/// A motion with notes only counts as clean.
 #[must_use]
-pub fn findings_text(linted: &[Linted]) -> String {
+pub fn findings_text(linted: &[Linted], least: Severity) -> String {
     let mut text = String::new();
-    for one in linted.iter().filter(|one| !one.findings.is_empty()) {
+    for one in linted.iter().filter(|one| one.worst() >= Some(least)) {
         let _ = writeln!(text, "{} ({})", one.id, one.source);
-        for finding in &one.findings {
+        for finding in one.findings.iter().filter(|finding| finding.severity >= least) {
             let _ = writeln!(text, "  {}\n    remedy: {}", line(finding), finding.remedy);
         }
     }
-    let clean = linted.iter().filter(|one| one.findings.is_empty()).count();
+    let clean = linted.iter().filter(|one| one.worst() < Some(Severity::Warning)).count();
     let _ = writeln!(
         text,
         "{} motions, {clean} clean; {} errors, {} warnings, {} notes",

@@ -126,9 +126,14 @@ pub fn processor() -> String {
 /// Checksum of the running program; `unknown` where it cannot be read.
 #[must_use]
 pub fn program_sha256() -> String {
-    std::env::current_exe()
-        .and_then(std::fs::read)
-        .map_or_else(|_| "unknown".to_owned(), |bytes| sha256_hex(&bytes))
+    // Tens of megabytes, and asked for more than once in a run.
+    static CHECKSUM: std::sync::OnceLock<String> = std::sync::OnceLock::new();
+    let checksum = || {
+        std::env::current_exe()
+            .and_then(std::fs::read)
+            .map_or_else(|_| "unknown".to_owned(), |bytes| sha256_hex(&bytes))
+    };
+    CHECKSUM.get_or_init(checksum).clone()
 }
 
 #[cfg(test)]

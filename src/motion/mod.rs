@@ -9,7 +9,8 @@ mod resample;
 pub mod skeleton;
 
 pub use jumps::{JUMP_SPEED_RAD_S, Jump, MAX_EXCURSION_SECS, filter_jumps, find_jumps};
-pub use skeleton::{JOINTS, JointInfo, NUM_CHANNELS, NUM_JOINTS, joint_index};
+pub(crate) use resample::closest_turns;
+pub use skeleton::{Axis, JOINTS, JointInfo, NUM_CHANNELS, NUM_JOINTS, joint_index};
 
 use nalgebra::{Isometry3, Rotation3, Translation3, UnitQuaternion, Vector3};
 

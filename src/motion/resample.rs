@@ -84,7 +84,7 @@ fn shortest_arc(from: &UnitQuaternion<f64>, to: &UnitQuaternion<f64>, share: f64
 /// Roll, pitch and yaw of the same rotation as `angles`, as close as possible to `near`.
 ///
 /// A rotation has two such triples, (r, p, y) and (r + pi, pi - p, y + pi), each up to whole turns.
-fn closest_turns(angles: [f64; 3], near: [f64; 3]) -> [f64; 3] {
+pub(crate) fn closest_turns(angles: [f64; 3], near: [f64; 3]) -> [f64; 3] {
     let [roll, pitch, yaw] = angles;
     let [direct, flipped] = [angles, [roll + PI, PI - pitch, yaw + PI]].map(|triple| {
         std::array::from_fn(|axis| triple[axis] + TAU * ((near[axis] - triple[axis]) / TAU).round())

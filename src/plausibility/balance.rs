@@ -122,7 +122,7 @@ pub(super) fn balance(humanoid: &Humanoid, motion: &Motion, trace: &Trace) -> Ve
     (0..trace.num_frames())
         .map(|frame| {
             let near = trace.sole_points_m(frame).iter().filter(|point| point.z < NEAR_FLOOR_M);
-            let hull = convex_hull(near.map(|point| point.xy()).collect());
+            let hull = convex_hull(near.map(nalgebra::Matrix::xy).collect());
             let zmp = explainer.wanted[frame].zero_moment_point_m(&explainer.root_m(frame), least_force_n);
             let zmp = zmp.filter(|_| steady.contains(&frame)).map(Vector2::from);
             Balance {

@@ -140,8 +140,8 @@ pub(super) static POWER_LIMIT_SHARE: Metric = Metric {
     key: "l1/power_limit_share",
     title: "power limit",
     unit: "",
-    formula: "share of joints x frames whose power torque * speed, where positive, is at least 0.99 of a quarter of effort \
-              limit * velocity limit: the peak of a straight line between the two limits",
+    formula: "share of joints x frames whose power |torque * speed| is at least 0.99 of a quarter of effort limit * velocity \
+              limit: the peak of a straight line between the two limits",
     reference: "this project; effort and velocity limits: published human strength, see the humanoid module",
     signature: "filter:butterworth4-6Hz|edges:out|rate:50Hz|mu:0.8|h:35mm|share:0.99|limit:effort*velocity/4|v:1",
     ..SHARED
@@ -152,7 +152,7 @@ pub(super) static POWER_PEAK: Metric = Metric {
     key: "l1/power_peak",
     title: "power peak",
     unit: "W/kg",
-    formula: "max over joints and frames of torque * speed / body mass, single axes",
+    formula: "max over joints and frames of |torque * speed| / body mass, single axes, giving and taking alike",
     reference: "joint power of inverse dynamics (Winter, Biomechanics and Motor Control of Human Movement, chapter 6)",
     signature: "filter:butterworth4-6Hz|edges:out|rate:50Hz|mu:0.8|h:35mm|v:1",
     ..SHARED
@@ -321,7 +321,7 @@ impl Loads {
         let mut loads = Self { num_torques: 0, num_powers: 0, torque_peak: 0.0, power_peak_w: 0.0 };
         for (angle, &kit) in humanoid.kit_of_angle().iter().enumerate() {
             let (limit, torque_nm) = (&limits[kit], explained.torques_nm[kit]);
-            let power_w = torque_nm * explainer.trajectory.frames[frame].speeds_rad_s[angle];
+            let power_w = (torque_nm * explainer.trajectory.frames[frame].speeds_rad_s[angle]).abs();
             let power_limit_w = POWER_SHARE * limit.effort_nm * limit.velocity_rad_s;
             loads.num_torques += usize::from(torque_nm.abs() >= AT_LIMIT * limit.effort_nm);
             loads.num_powers += usize::from(power_w >= AT_LIMIT * power_limit_w);

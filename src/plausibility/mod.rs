@@ -19,6 +19,7 @@ mod kinematic;
 mod metric;
 mod penetrate;
 mod polygon;
+mod props;
 mod registry;
 mod self_contact;
 mod skate;
@@ -34,6 +35,7 @@ mod travel;
 pub use crate::simulation::FallCause;
 pub use fall::{Fall, first_fall};
 pub use metric::{Better, Metric, Score, explain};
+pub use props::{Prop, PropSupport, prop_supports};
 pub use registry::{METRICS, ROSETTA, find_metric};
 
 use std::ops::Range;

@@ -11,6 +11,8 @@ use crate::simulation::Level;
 
 /// A foot whose slowest sole point is slower than this and lower than the other stands, m/s and metres.
 const STANDING: (f64, f64) = (0.15, 0.035);
+/// Largest root acceleration that is none, m/s^2.
+const LEAST_ACCELERATION_M_S2: f64 = 1.0e-6;
 /// Scale of the PFC.
 const PFC_SCALE: f64 = 1.0e4;
 
@@ -169,7 +171,8 @@ fn pfc(trace: &Trace) -> Option<f64> {
         a.norm()
     };
     let largest = samples.windows(3).map(acceleration).max_by(f64::total_cmp)?;
-    if largest == 0.0 {
+    // The scale of a root that moves evenly would be that of rounding.
+    if largest * HUMOR_RATE_HZ * HUMOR_RATE_HZ < LEAST_ACCELERATION_M_S2 {
         return Some(0.0);
     }
     let step =

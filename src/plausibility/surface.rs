@@ -11,6 +11,7 @@ const PRESSURE_PER_M: f64 = 100.0;
 const DECAY_PER_M: f64 = 10.0;
 
 /// One frame.
+#[expect(clippy::struct_field_names, reason = "all are lengths in metres")]
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct SurfaceFrame {
     /// Mean depth of the points below the floor, zero without any, metres.

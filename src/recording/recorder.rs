@@ -18,7 +18,7 @@ use super::topics::{TOPICS, Topic, offered_qos};
 use super::{RecordingError, START_TIME_NS};
 use crate::humanoid::Humanoid;
 use crate::plausibility::Score;
-use crate::simulation::{EventKind, Level, Outcome, Rollout, RolloutSample};
+use crate::simulation::{Event, EventKind, Level, Outcome, Rollout, RolloutSample};
 
 /// Name of the metadata record that says which rollout a recording holds.
 pub(super) const ROLLOUT_METADATA: &str = "rollout";
@@ -64,7 +64,7 @@ fn message_time(time_secs: f64) -> Nanoseconds {
 ///
 /// The same rollout gives the same bytes: times count from [`START_TIME_NS`], not from a clock.
 /// What was written reaches the file after every second of motion, so a killed process leaves a readable beginning.
-/// Dropping a recorder closes the file without result, scores and events.
+/// Dropping a recorder closes the file without result and scores.
 pub struct Recorder {
     path: PathBuf,
     writer: Writer<BufWriter<File>>,
@@ -73,6 +73,8 @@ pub struct Recorder {
     simulated: LinkFrames,
     reference: LinkFrames,
     body: BodyScale,
+    /// Number of events of the rollout written so far.
+    num_events: usize,
     /// Time of the last sample written and of the last flush, seconds.
     last_sample_secs: f64,
     last_flush_secs: f64,
@@ -119,6 +121,7 @@ impl Recorder {
             simulated: LinkFrames::new(humanoid, ""),
             reference: LinkFrames::new(humanoid, REFERENCE_PREFIX),
             body: BodyScale::new(humanoid),
+            num_events: 0,
             last_sample_secs: 0.0,
             last_flush_secs: 0.0,
         };
@@ -170,6 +173,19 @@ impl Recorder {
         self.write_sample(sample).map_err(|source| self.failed(source))
     }
 
+    /// Writes one event at once, so that a killed process does not lose it; events come in the order of the rollout's.
+    ///
+    /// Those that were not written by the end of the rollout are written then.
+    ///
+    /// # Errors
+    /// [`RecordingError::Write`] when the file system refuses; the rollout itself is not affected.
+    pub fn event(&mut self, event: &Event) -> Result<(), RecordingError> {
+        self.num_events += 1;
+        self.log(event.time_secs, event.kind.into(), &event.message)
+            .and_then(|()| self.writer.flush())
+            .map_err(|source| self.failed(source))
+    }
+
     fn write_sample(&mut self, sample: &RolloutSample) -> mcap::McapResult<()> {
         let time = message_time(sample.time_secs);
         let root = sample.world_from_segment[0].translation.vector;
@@ -215,7 +231,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Writes events, outcome, scores and result, and closes the file.
+    /// Writes outcome, scores, result and what events are left, and closes the file.
     ///
     /// # Errors
     /// [`RecordingError::Write`] when the file system refuses, at the latest when the file is forced to disk.
@@ -233,8 +249,8 @@ impl Recorder {
     }
 
     fn write_end(&mut self, rollout: &Rollout, summary: &RecordingSummary<'_>) -> mcap::McapResult<()> {
-        for event in &rollout.events {
-            self.event(event.time_secs, event.kind.into(), &event.message)?;
+        for event in rollout.events.iter().skip(self.num_events) {
+            self.log(event.time_secs, event.kind.into(), &event.message)?;
         }
         let end_secs = self.last_sample_secs;
         let drift_m = rollout.max_joint_drift_m.to_string();
@@ -242,14 +258,14 @@ impl Recorder {
         match &rollout.outcome {
             Outcome::Completed => {
                 outcome.insert("kind".to_owned(), "completed".to_owned());
-                self.event(end_secs, Severity::Info, &format!("completed after {end_secs:.3} s"))?;
+                self.log(end_secs, Severity::Info, &format!("completed after {end_secs:.3} s"))?;
             }
             Outcome::Failed { time_secs, reason } => {
                 outcome.insert("kind".to_owned(), "failed".to_owned());
                 outcome.insert("time_secs".to_owned(), time_secs.to_string());
                 outcome.insert("reason".to_owned(), reason.clone());
                 if !rollout.events.iter().any(|event| event.kind == EventKind::Failure) {
-                    self.event(*time_secs, Severity::Error, reason)?;
+                    self.log(*time_secs, Severity::Error, reason)?;
                 }
             }
         }
@@ -262,7 +278,7 @@ impl Recorder {
         Ok(())
     }
 
-    fn event(&mut self, time_secs: f64, severity: Severity, message: &str) -> mcap::McapResult<()> {
+    fn log(&mut self, time_secs: f64, severity: Severity, message: &str) -> mcap::McapResult<()> {
         let time = message_time(time_secs);
         self.message(Topic::Rosout, time, &messages::log(time, severity, "rollout", message))
     }

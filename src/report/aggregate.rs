@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::SplitMix64;
 use super::case::{CaseResult, MetricRecord};
 
 /// Resamples behind an interval; more would move its ends by less than the printed digits.
@@ -22,6 +23,7 @@ pub struct Interval {
 /// One metric over the cases that have a value for it.
 ///
 /// A failed case has no value; it is counted in `num_without` and never silently left out of a mean.
+/// So is, above level 0, a case that something other than the floor held ([`CaseResult::simulable`]).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Aggregate {
@@ -29,7 +31,7 @@ pub struct Aggregate {
     pub key: String,
     /// Number of cases with a value.
     pub num_cases: usize,
-    /// Number of cases without: failed, or the metric does not apply to them.
+    /// Number of cases without: failed, not simulable, or the metric does not apply to them.
     pub num_without: usize,
     /// Arithmetic mean.
     pub mean: f64,
@@ -55,7 +57,11 @@ pub fn aggregate(metrics: &[MetricRecord], cases: &[CaseResult], seed: u64) -> V
     metrics
         .iter()
         .filter_map(|metric| {
-            let values: Vec<f64> = cases.iter().filter_map(|case| case.score(&metric.key)).collect();
+            let values: Vec<f64> = cases
+                .iter()
+                .filter(|case| case.counts_at(metric.level))
+                .filter_map(|case| case.score(&metric.key))
+                .collect();
             summarize(&metric.key, values, cases.len(), seed)
         })
         .collect()
@@ -84,7 +90,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 /// Quantile of sorted values, linear between neighbours; `values` is not empty.
-fn quantile(values: &[f64], share: f64) -> f64 {
+pub(crate) fn quantile(values: &[f64], share: f64) -> f64 {
     let position = share * (values.len() - 1) as f64;
     let below = position.floor() as usize;
     let above = position.ceil() as usize;
@@ -106,36 +112,11 @@ fn mean_interval(values: &[f64], seed: u64) -> Option<Interval> {
     Some(Interval { low: quantile(&means, 0.025), high: quantile(&means, 0.975) })
 }
 
-/// Steele, Lea, Flood 2014, "Fast splittable pseudorandom number generators": 64 bits a step from a counter.
-struct SplitMix64(u64);
-
-impl SplitMix64 {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        bits ^ (bits >> 31)
-    }
-
-    /// An index below `limit`; the bias of the multiplication is below `limit` / 2^64.
-    fn below(&mut self, limit: usize) -> usize {
-        ((u128::from(self.next()) * limit as u128) >> 64) as usize
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::case::samples::{case, metric};
     use super::*;
     use crate::plausibility::Better;
-
-    #[test]
-    fn random_numbers_are_the_published_ones() {
-        // First outputs of the reference implementation for the seed 1234567.
-        let mut random = SplitMix64(1_234_567);
-        assert_eq!([random.next(), random.next()], [6457827717110365317, 3203168211198807973]);
-    }
 
     #[test]
     fn quartiles_interpolate() {

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::plausibility::{Better, Metric};
+use crate::plausibility::{Better, Metric, PropSupport};
 use crate::simulation::{Event, Level, Outcome};
 
 /// A metric as it stood when numbers were computed with it, saved beside them.
@@ -88,6 +88,9 @@ pub struct CaseResult {
     pub duration_secs: f64,
     /// Doubts about the input, as sentences.
     pub warnings: Vec<String>,
+    /// Where something other than the floor held the body; then the motion cannot be simulated on a floor alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub props: Vec<PropSupport>,
     /// Results in level order.
     pub levels: Vec<LevelResult>,
     /// Why the case failed, one line each; empty when it did not.
@@ -99,6 +102,18 @@ impl CaseResult {
     #[must_use]
     pub fn failed(&self) -> bool {
         !self.failures.is_empty()
+    }
+
+    /// Whether a floor alone could hold the body throughout; what levels 1 to 3 say of others is not the motion's fault.
+    #[must_use]
+    pub fn simulable(&self) -> bool {
+        self.props.is_empty()
+    }
+
+    /// Whether a metric of this level says something about the motion.
+    #[must_use]
+    pub fn counts_at(&self, level: Level) -> bool {
+        level == Level::L0 || self.simulable()
     }
 
     /// Value of a metric; `None` when it was not measured.
@@ -167,6 +182,7 @@ pub(super) mod samples {
             num_frames: 201,
             duration_secs: 2.0,
             warnings: Vec::new(),
+            props: Vec::new(),
             levels,
             failures: Vec::new(),
         }

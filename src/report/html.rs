@@ -16,7 +16,7 @@ h1{font-size:1.5rem}h2{font-size:1.15rem;margin-top:2.2rem}code{font-size:.85em;
 .wide{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums}\
 th,td{padding:.3rem .6rem;border-bottom:1px solid #dde3ea;text-align:left;vertical-align:top}\
 th{position:sticky;top:0;background:#fff}.n{text-align:right;white-space:nowrap}\
-tr.failed td{background:#fdecea}tr.implausible td{background:#fff6e0}tr.fell td:last-child{color:#8a4b00}b{color:#b3261e}svg{display:block;margin-left:auto}\
+tr.failed td{background:#fdecea}tr.implausible td{background:#fff6e0}tr.held td{color:#5b6b7b}tr.fell td:last-child{color:#8a4b00}b{color:#b3261e}svg{display:block;margin-left:auto}\
 rect.bar{fill:#7aa7d9}rect.bin{fill:#7aa7d9}small{color:#5b6b7b}\
 @media(prefers-color-scheme:dark){body,th{background:#12181f;color:#dce5ee}th,td{border-color:#2b3742}\
 tr.failed td{background:#3a1c1a}tr.implausible td{background:#33290f}tr.fell td:last-child{color:#f0b36a}b{color:#ff8a80}small{color:#93a3b3}a{color:#8ab8f0}}";
@@ -30,7 +30,7 @@ pub fn results_html(results: &Results, keys: &[&str]) -> String {
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width\"><title>rprae: {title}</title>\
          <style>{STYLE}</style></head><body>\n<h1>Evaluation of {title}</h1>\n\
-         <p>{num_cases} cases, {num_failed} failed, {num_skipped} inputs skipped.<br>\
+         <p>{num_cases} cases, {num_failed} failed, {num_held} not simulable, {num_skipped} inputs skipped.<br>\
          <small>rprae {}, {}, {}; <code>{}</code></small></p>\n",
         escape_html(&key.rprae),
         escape_html(&key.engine),
@@ -39,6 +39,7 @@ pub fn results_html(results: &Results, keys: &[&str]) -> String {
         title = escape_html(&results.dataset),
         num_cases = results.cases.len(),
         num_failed = results.num_failed(),
+        num_held = results.not_simulable().count(),
         num_skipped = results.skipped.len(),
     );
     push_cases(&mut page, results, keys);
@@ -86,6 +87,7 @@ fn push_case(page: &mut String, case: &CaseResult, shown: &[(&MetricRecord, f64)
     let noted = notes(case);
     let class = match noted.first().map(|note| note.kind) {
         Some(NoteKind::Failed) => "failed",
+        Some(NoteKind::NotSimulable) => "held",
         Some(NoteKind::Implausible) => "implausible",
         Some(NoteKind::Fell) => "fell",
         Some(NoteKind::Doubt) | None => "",
@@ -119,7 +121,7 @@ fn push_case(page: &mut String, case: &CaseResult, shown: &[(&MetricRecord, f64)
         .iter()
         .map(|note| match note.kind {
             NoteKind::Failed | NoteKind::Implausible => format!("<b>{}</b>", escape_html(&note.text)),
-            NoteKind::Fell | NoteKind::Doubt => escape_html(&note.text),
+            NoteKind::NotSimulable | NoteKind::Fell | NoteKind::Doubt => escape_html(&note.text),
         })
         .collect();
     let _ = write!(page, "<td>{}<td>{}", links.join(" "), texts.join("<br>"));

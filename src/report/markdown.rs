@@ -16,10 +16,11 @@ pub fn results_markdown(results: &Results, keys: &[&str]) -> String {
     let key = &results.key;
     let _ = writeln!(
         text,
-        "{} cases of {}, {} failed, {} inputs skipped.\n\nrprae {}, {}, {}; `{}`\n",
+        "{} cases of {}, {} failed, {} not simulable, {} inputs skipped.\n\nrprae {}, {}, {}; `{}`\n",
         results.cases.len(),
         escape_markdown(&results.dataset),
         results.num_failed(),
+        results.not_simulable().count(),
         results.skipped.len(),
         key.rprae,
         key.engine,
@@ -27,6 +28,7 @@ pub fn results_markdown(results: &Results, keys: &[&str]) -> String {
         key.signature
     );
     write_cases(&mut text, results, keys);
+    write_not_simulable(&mut text, results);
     write_aggregates(&mut text, results);
     write_remarks(&mut text, results);
     if !results.skipped.is_empty() {
@@ -57,6 +59,33 @@ fn write_cases(text: &mut String, results: &Results, keys: &[&str]) {
         }
         let noted: Vec<String> = notes(case).into_iter().map(|note| escape_markdown(&note.text)).collect();
         let _ = writeln!(text, " {} |", noted.join(", "));
+    }
+    text.push('\n');
+}
+
+fn write_not_simulable(text: &mut String, results: &Results) {
+    if results.not_simulable().next().is_none() {
+        return;
+    }
+    text.push_str(
+        "## Not simulable\n\n\
+         Something other than the floor held these bodies; levels 1 to 3 of them enter no mean and no count of falls.\n\n\
+         | case | held by | from [s] | to [s] | unexplained by the floor [BW] | explained by the support |\n\
+         |---|---|---:|---:|---:|---:|\n",
+    );
+    for case in results.not_simulable() {
+        for held in &case.props {
+            let _ = writeln!(
+                text,
+                "| {} | {} | {:.2} | {:.2} | {} | {:.0} % |",
+                escape_markdown(&case.id),
+                held.prop.word(),
+                held.from_secs,
+                held.to_secs,
+                compact(held.unexplained_bw),
+                100.0 * held.explained
+            );
+        }
     }
     text.push('\n');
 }

@@ -10,6 +10,7 @@ pub const KEY_METRICS: &[&str] = &[
     "l0/float",
     "l0/penetration",
     "l1/residual_force",
+    "l1/residual_force_gated",
     "l2/mpjpe_root",
     "l2/assist_mean",
     "l3/time_to_fall",
@@ -18,26 +19,36 @@ pub const KEY_METRICS: &[&str] = &[
 mod aggregate;
 mod case;
 mod cell;
+mod chart;
 mod csv;
+mod curve;
 mod html;
 mod markdown;
 mod notes;
 mod number;
+mod random;
 mod ranking;
 pub mod regression;
 mod results;
+pub mod retargeting;
 mod table;
+mod wilson;
 
 pub use aggregate::{Aggregate, Interval, aggregate};
+pub(crate) use aggregate::quantile;
 pub use case::{CaseResult, LevelResult, MetricRecord};
+pub use chart::{Chart, Panel, Point, Series};
 pub use csv::scores_csv;
+pub use curve::{Curve, CurvePoint, CurveRollout};
 pub use html::results_html;
 pub use markdown::results_markdown;
 pub use notes::{Note, NoteKind, notes};
 pub use number::{compact, shorten};
+pub use random::SplitMix64;
 pub use ranking::worst_first;
 pub use results::{RESULTS_FORMAT, ReadError, Results};
 pub use table::{Align, Column, Table, results_table};
+pub use wilson::wilson_interval;
 
 #[cfg(test)]
 mod tests {

@@ -2,12 +2,15 @@
 
 use super::case::{CaseResult, LevelResult};
 use super::number::compact;
+use crate::plausibility::PropSupport;
 
 /// Kind of a note, worst first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum NoteKind {
     /// The case failed and has no numbers at some level.
     Failed,
+    /// Something other than the floor held the body, so levels 1 to 3 say nothing about the motion.
+    NotSimulable,
     /// A kinematic or dynamic score is beyond what a body can do; see [`notes`].
     Implausible,
     /// The body fell in the simulation, which is a result.
@@ -38,7 +41,7 @@ const LIMITS: [(&str, f64, &str, &str); 4] = [
     ("l1/residual_force", 20.0, "unexplained", "% BW"),
 ];
 
-/// Notes on a case, worst first: failures, scores beyond [what a body can do](NoteKind::Implausible), falls, warnings.
+/// Notes on a case, worst first: failures, supports other than the floor (then no falls), scores beyond [what a body can do](NoteKind::Implausible), falls, warnings.
 ///
 /// Implausible are a float above 30 mm, a slowest contact above 150 mm/s, a root faster than 12.5 m/s, and a force that
 /// contacts cannot explain above 20 % of body weight.
@@ -47,8 +50,13 @@ pub fn notes(case: &CaseResult) -> Vec<Note> {
     let note = |kind, text| Note { kind, text };
     let mut notes: Vec<Note> =
         case.failures.iter().map(|reason| note(NoteKind::Failed, format!("FAILED: {reason}"))).collect();
+    let held: Vec<String> = case.props.iter().map(held).collect();
+    if !held.is_empty() {
+        notes.push(note(NoteKind::NotSimulable, format!("NOT SIMULABLE: {}", held.join(", "))));
+    }
     let beyond: Vec<String> = LIMITS
         .iter()
+        .filter(|(key, ..)| case.simulable() || key.starts_with("l0/"))
         .filter_map(|(key, limit, word, unit)| {
             let value = case.score(key).filter(|value| value > limit)?;
             Some(format!("{word} {} {unit}", compact(value)))
@@ -60,6 +68,7 @@ pub fn notes(case: &CaseResult) -> Vec<Note> {
     let falls: Vec<String> = case
         .levels
         .iter()
+        .filter(|_| case.simulable())
         .filter_map(|level| Some(format!("{} {:.1} s", level.level, fall_secs(level)?)))
         .collect();
     if !falls.is_empty() {
@@ -71,6 +80,11 @@ pub fn notes(case: &CaseResult) -> Vec<Note> {
         count => notes.push(note(NoteKind::Doubt, format!("{count} warnings"))),
     }
     notes
+}
+
+/// What held the body, and when.
+pub(super) fn held(support: &PropSupport) -> String {
+    format!("{} {:.1}-{:.1} s", support.prop.word(), support.from_secs, support.to_secs)
 }
 
 /// Everything that is known of a case in words: when or where, and what. Warnings first, then events by level.
@@ -107,6 +121,17 @@ mod tests {
         walk.failures.push("L2: not a number at 0.5 s".to_owned());
         let texts: Vec<String> = notes(&walk).into_iter().map(|note| note.text).collect();
         assert_eq!(texts, ["FAILED: L2: not a number at 0.5 s", "fell: L3 1.3 s", "1 warning"]);
+    }
+
+    #[test]
+    fn a_motion_held_by_something_is_not_blamed_for_falling() {
+        let mut sit =
+            case("sit", &[("l3/survived", 0.0), ("l3/time_to_fall", 1.26), ("l1/residual_force", 40.0)]);
+        let prop = crate::plausibility::Prop::Seat;
+        sit.props =
+            vec![PropSupport { prop, from_secs: 1.0, to_secs: 2.5, unexplained_bw: 0.4, explained: 0.9 }];
+        let texts: Vec<String> = notes(&sit).into_iter().map(|note| note.text).collect();
+        assert_eq!(texts, ["NOT SIMULABLE: seat 1.0-2.5 s"]);
     }
 
     #[test]

@@ -4,7 +4,8 @@ use super::case::{CaseResult, MetricRecord};
 use super::results::Results;
 use crate::plausibility::Better;
 
-/// Cases from worst to best: failed ones first, then by mean rank over the metrics in `keys`.
+/// Cases from worst to best: failed ones first, then by mean rank over the metrics in `keys`; those that cannot be simulated
+/// come last.
 ///
 /// Ranks have no unit, so metres and newtons can be mixed without weights.
 /// A case gets for each metric the share of the other cases that are better; descriptive metrics do not count.
@@ -21,8 +22,8 @@ pub fn worst_first<'a>(results: &'a Results, keys: &[&str]) -> Vec<&'a CaseResul
         .iter()
         .map(|case| (case.failed(), mean_badness(case, &results.cases, &judged), case))
         .collect();
-    ranked.sort_by(|(failed_a, bad_a, _), (failed_b, bad_b, _)| {
-        failed_b.cmp(failed_a).then(bad_b.total_cmp(bad_a))
+    ranked.sort_by(|(failed_a, bad_a, a), (failed_b, bad_b, b)| {
+        failed_b.cmp(failed_a).then(b.simulable().cmp(&a.simulable())).then(bad_b.total_cmp(bad_a))
     });
     ranked.into_iter().map(|(_, _, case)| case).collect()
 }

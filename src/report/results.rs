@@ -106,6 +106,11 @@ impl Results {
         keys.iter().filter_map(|key| self.measured_metrics().find(|metric| metric.key == *key))
     }
 
+    /// Cases that something other than the floor held.
+    pub fn not_simulable(&self) -> impl Iterator<Item = &CaseResult> {
+        self.cases.iter().filter(|case| !case.simulable())
+    }
+
     /// Number of failed cases.
     #[must_use]
     pub fn num_failed(&self) -> usize {

@@ -20,8 +20,13 @@ pub(super) trait Articulation {
     /// Joint angles (rad) and speeds (rad/s), KIT order.
     fn angles_and_speeds(&self, engine: &Engine) -> ([f64; NUM_JOINTS], [f64; NUM_JOINTS]);
 
-    /// Adds the motor torque of the last step about every axis, N m, KIT order.
-    fn add_torques(&self, engine: &Engine, angles: &[f64; NUM_JOINTS], torques: &mut [f64; NUM_JOINTS]);
+    /// Takes note of what the motors did in the last step.
+    fn add_step(&mut self, engine: &Engine);
+
+    /// Motor torque about every axis, N m, KIT order, mean over the steps noted since the last call; zero without any.
+    ///
+    /// `angles` are those of now; a torque noted in a ball is taken about the axes as they stand now.
+    fn take_torques(&mut self, angles: &[f64; NUM_JOINTS]) -> [f64; NUM_JOINTS];
 
     /// Poses of the segments in the world.
     fn segment_poses(&self, engine: &Engine) -> SegmentPoses {

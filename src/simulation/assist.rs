@@ -7,14 +7,13 @@
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use rapier3d_f64::prelude::*;
 
-use super::SimulationSettings;
 use super::engine::{Engine, GRAVITY_M_S2, from_pose, from_rotation, from_vector, pose};
 use super::reference::ReferenceState;
 
 /// Stiffness and damping of the force, N/m and N s/m.
-const LINEAR: (f64, f64) = (2000.0, 400.0);
+pub const ASSIST_LINEAR: (f64, f64) = (2000.0, 400.0);
 /// Stiffness and damping of the moment, N m/rad and N m s/rad.
-const ANGULAR: (f64, f64) = (3000.0, 300.0);
+pub const ASSIST_ANGULAR: (f64, f64) = (3000.0, 300.0);
 /// Share of the bound for each of the two directions across the one the spring pulls in.
 const ACROSS: f64 = 0.2;
 
@@ -37,14 +36,15 @@ const LINEAR_AXES: [JointAxis; 3] = [JointAxis::LinX, JointAxis::LinY, JointAxis
 const ANGULAR_AXES: [JointAxis; 3] = [JointAxis::AngX, JointAxis::AngY, JointAxis::AngZ];
 
 impl Assist {
-    /// Ties the root to the world.
+    /// Ties the root to the world; the bounds are a share of the weight, and that force at an arm in metres.
     pub fn new(
         engine: &mut Engine,
         root: RigidBodyHandle,
         mass_kg: f64,
-        settings: &SimulationSettings,
+        assist_limit: f64,
+        assist_arm_m: f64,
     ) -> Self {
-        let force_limit_n = settings.assist_limit * mass_kg * GRAVITY_M_S2;
+        let force_limit_n = assist_limit * mass_kg * GRAVITY_M_S2;
         let anchor = engine.bodies.insert(RigidBodyBuilder::fixed());
         let mut tie = |axes: [JointAxis; 3]| {
             let mut builder = GenericJointBuilder::new(JointAxesMask::empty()).contacts_enabled(false);
@@ -55,7 +55,7 @@ impl Assist {
             engine.joints.insert(anchor, root, builder.build(), true)
         };
         let (linear, angular) = (tie(LINEAR_AXES), tie(ANGULAR_AXES));
-        Self { root, linear, angular, force_limit_n, moment_limit_nm: force_limit_n * settings.assist_arm_m }
+        Self { root, linear, angular, force_limit_n, moment_limit_nm: force_limit_n * assist_arm_m }
     }
 
     /// Sets the spring's rest state for the coming step.
@@ -70,7 +70,7 @@ impl Assist {
         let omega = from_vector(body.angvel());
 
         let offset = target.world_from_root.translation.vector - root.translation.vector;
-        let force = offset * LINEAR.0 + (target.root_velocity - velocity) * LINEAR.1;
+        let force = offset * ASSIST_LINEAR.0 + (target.root_velocity - velocity) * ASSIST_LINEAR.1;
         let axes = axes_along(&force);
         let frame = Isometry3::from_parts(target.world_from_root.translation, axes);
         let speed = axes.inverse() * target.root_velocity;
@@ -80,12 +80,13 @@ impl Assist {
             LINEAR_AXES,
             [&frame, &Isometry3::identity()],
             &speed,
-            LINEAR,
+            ASSIST_LINEAR,
             self.force_limit_n,
         );
 
         let turn = target.world_from_root.rotation * root.rotation.inverse();
-        let moment = turn.scaled_axis() * ANGULAR.0 + (target.root_angular_velocity - omega) * ANGULAR.1;
+        let moment =
+            turn.scaled_axis() * ASSIST_ANGULAR.0 + (target.root_angular_velocity - omega) * ASSIST_ANGULAR.1;
         let axes = axes_along(&moment);
         // Both frames turn alike, so that their difference stays the root's error.
         let local = target.world_from_root.rotation.inverse() * axes;
@@ -97,7 +98,7 @@ impl Assist {
             ANGULAR_AXES,
             [&frames[0], &frames[1]],
             &speed,
-            ANGULAR,
+            ASSIST_ANGULAR,
             self.moment_limit_nm,
         );
     }

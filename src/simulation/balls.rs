@@ -23,6 +23,10 @@ use crate::motion::{JOINTS, NUM_JOINTS};
 /// Without it the iterative solver loses the light segments; it is part of the results' signature.
 pub const ADDED_INERTIA: AddedInertia = AddedInertia { everywhere_kgm2: 0.002, feet_kgm2: 0.02 };
 
+/// Stiffness and damping with which the two sides of a joint are held together: as hard as the step allows.
+pub(super) const JOINT_SOFTNESS: SpringCoefficients<f64> =
+    SpringCoefficients { natural_frequency: 1.0e6, damping_ratio: 1.0 };
+
 const ANGULAR: [JointAxis; 3] = [JointAxis::AngX, JointAxis::AngY, JointAxis::AngZ];
 
 struct Joint {
@@ -31,11 +35,17 @@ struct Joint {
     gains: Gains,
     /// For one axis: rotation that takes x to the axis.
     hinge_basis: Option<UnitQuaternion<f64>>,
+    /// What the motor gave the child since the torques were last taken, N m s: for one axis about it, in x; else in the
+    /// frame of the parent.
+    impulse_nms: Vector3<f64>,
 }
 
 pub(super) struct Balls {
     segments: [RigidBodyHandle; NUM_SEGMENTS],
     joints: Vec<Joint>,
+    /// Steps since the torques were last taken.
+    num_steps: usize,
+    dt_secs: f64,
 }
 
 impl Balls {
@@ -47,7 +57,7 @@ impl Balls {
             .segment_links
             .map(|link| insert_link(engine, humanoid, link, &world_from_link[link], ADDED_INERTIA));
         let joints = chains.into_iter().map(|chain| insert_joint(engine, &segments, chain)).collect();
-        let balls = Self { segments, joints };
+        let balls = Self { segments, joints, num_steps: 0, dt_secs: engine.dt_secs() };
         balls.set_velocities(engine, start);
         balls
     }
@@ -80,7 +90,7 @@ impl Articulation for Balls {
     }
 
     fn command(&mut self, engine: &mut Engine, target: &ReferenceState, moments: &SegmentMoments) {
-        for Joint { chain, handle, gains, hinge_basis } in &self.joints {
+        for Joint { chain, handle, gains, hinge_basis, .. } in &self.joints {
             let Some(joint) = engine.joints.get_mut(*handle, false) else { continue };
             let (kp, kd) = (gains.stiffness_nm_rad, gains.damping_nms_rad);
             if hinge_basis.is_some() {
@@ -114,24 +124,39 @@ impl Articulation for Balls {
         (angles, speeds)
     }
 
-    fn add_torques(&self, engine: &Engine, angles: &[f64; NUM_JOINTS], torques: &mut [f64; NUM_JOINTS]) {
-        let inverse_dt = 1.0 / engine.dt_secs();
-        for Joint { chain, handle, hinge_basis, .. } in &self.joints {
+    fn add_step(&mut self, engine: &Engine) {
+        self.num_steps += 1;
+        for Joint { handle, hinge_basis, impulse_nms, .. } in &mut self.joints {
             let Some(joint) = engine.joints.get(*handle) else { continue };
             // The engine counts impulses on the parent; the child feels the opposite.
-            let torque = |index: usize| -joint.data.motors[3 + index].impulse * inverse_dt;
+            let impulse = |index: usize| -joint.data.motors[3 + index].impulse;
             if hinge_basis.is_some() {
-                torques[chain.axes[0].kit] += torque(0);
-                continue;
-            }
-            let in_target = Vector3::new(torque(0), torque(1), torque(2));
-            // local_frame1 = parent_from_joint * turn: back to the joint frame, where the axes are known.
-            let parent_from_target = from_rotation(joint.data.local_frame1.rotation);
-            let in_joint = chain.parent_from_joint.rotation.inverse() * parent_from_target * in_target;
-            for (kit, axis) in chain.axes_in_joint(angles) {
-                torques[kit] += axis.dot(&in_joint);
+                impulse_nms.x += impulse(0);
+            } else {
+                let in_target = Vector3::new(impulse(0), impulse(1), impulse(2));
+                *impulse_nms += from_rotation(joint.data.local_frame1.rotation) * in_target;
             }
         }
+    }
+
+    fn take_torques(&mut self, angles: &[f64; NUM_JOINTS]) -> [f64; NUM_JOINTS] {
+        let mut torques = [0.0; NUM_JOINTS];
+        let duration_secs = std::mem::take(&mut self.num_steps) as f64 * self.dt_secs;
+        for Joint { chain, hinge_basis, impulse_nms, .. } in &mut self.joints {
+            let impulse = std::mem::take(impulse_nms);
+            if duration_secs == 0.0 {
+                continue;
+            }
+            if hinge_basis.is_some() {
+                torques[chain.axes[0].kit] = impulse.x / duration_secs;
+                continue;
+            }
+            let in_joint = chain.parent_from_joint.rotation.inverse() * impulse;
+            for (kit, axis) in chain.axes_in_joint(angles) {
+                torques[kit] = axis.dot(&in_joint) / duration_secs;
+            }
+        }
+        torques
     }
 
     fn joint_drift_m(&self, engine: &Engine) -> f64 {
@@ -183,7 +208,7 @@ fn insert_joint(engine: &mut Engine, segments: &[RigidBodyHandle; NUM_SEGMENTS],
     let mut builder = GenericJointBuilder::new(locked)
         .local_frame1(pose(&chain.parent_from_joint) * basis)
         .local_frame2(basis)
-        .softness(SpringCoefficients::new(1.0e6, 1.0))
+        .softness(JOINT_SOFTNESS)
         .contacts_enabled(false);
     for (index, axis) in motors.iter().enumerate() {
         let effort =
@@ -195,7 +220,7 @@ fn insert_joint(engine: &mut Engine, segments: &[RigidBodyHandle; NUM_SEGMENTS],
     }
     let (parent, child) = (segments[chain.parent_segment], segments[chain.segment]);
     let handle = engine.joints.insert(parent, child, builder.build(), true);
-    Joint { chain, handle, gains, hinge_basis }
+    Joint { chain, handle, gains, hinge_basis, impulse_nms: Vector3::zeros() }
 }
 
 /// Torque limit of a ball about one axis of its target frame: that of the hinge which lies along it at zero angles.

@@ -30,7 +30,7 @@ pub(super) fn insert_link(
         let is_foot = humanoid.sole_points.iter().any(|point| point.link == link);
         let extra = added.everywhere_kgm2 + if is_foot { added.feet_kgm2 } else { 0.0 };
         let extra = if link == 0 { 0.0 } else { extra };
-        builder = builder.additional_mass_properties(mass_properties(&inertial, extra));
+        builder = builder.additional_mass_properties(mass_properties(&inertial, extra, engine.mass_factor));
     }
     let handle = engine.bodies.insert(builder);
     for (shape, body_from_shape) in solids(&humanoid.robot.collisions[link]) {
@@ -41,13 +41,13 @@ pub(super) fn insert_link(
     handle
 }
 
-fn mass_properties(inertial: &Inertial, extra_kgm2: f64) -> MassProperties {
-    let inertia = inertial.inertia_about_com_kgm2 + Matrix3::identity() * extra_kgm2;
+fn mass_properties(inertial: &Inertial, extra_kgm2: f64, factor: f64) -> MassProperties {
+    let inertia = inertial.inertia_about_com_kgm2 * factor + Matrix3::identity() * extra_kgm2;
     let columns = [inertia.column(0), inertia.column(1), inertia.column(2)]
         .map(|column| Vector::new(column[0], column[1], column[2]));
     MassProperties::with_inertia_matrix(
         vector(&inertial.com_in_link_m),
-        inertial.mass_kg,
+        inertial.mass_kg * factor,
         rapier3d_f64::math::Matrix::from_cols(columns[0], columns[1], columns[2]),
     )
 }

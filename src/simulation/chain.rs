@@ -66,6 +66,20 @@ impl Chain {
         })
     }
 
+    /// Writes the torques about the axes that a moment on the segment (in the segment's frame) amounts to.
+    pub fn project(
+        &self,
+        angles: &[f64; NUM_JOINTS],
+        moment: &Vector3<f64>,
+        torques: &mut [f64; NUM_JOINTS],
+    ) {
+        let (joint_from_segment, _) = self.turn(angles, &[0.0; NUM_JOINTS]);
+        let in_joint = joint_from_segment * moment;
+        for (kit, axis) in self.axes_in_joint(angles) {
+            torques[kit] = axis.dot(&in_joint);
+        }
+    }
+
     /// Writes the angles that give this rotation of the child in the joint frame.
     ///
     /// One axis: the twist about it. Two or three axes at right angles: Tait-Bryan angles in the chain's order; with two

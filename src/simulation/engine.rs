@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rapier3d_f64::math::{Pose, Rotation, Vector};
 use rapier3d_f64::prelude::*;
 
-use super::SimulationSettings;
+use super::{Conditions, SimulationSettings};
 
 /// Gravitational acceleration, m/s^2, along -z of the world. The one place where up and g are set.
 pub const GRAVITY_M_S2: f64 = 9.81;
@@ -32,24 +32,31 @@ pub(super) struct Engine {
     pipeline: PhysicsPipeline,
     pub ground: ColliderHandle,
     friction: f64,
+    /// Factor on mass and inertia of every body.
+    pub mass_factor: f64,
 }
 
 impl Engine {
-    pub fn new(settings: &SimulationSettings) -> Self {
+    pub fn new(settings: &SimulationSettings, conditions: &Conditions) -> Self {
+        let friction = settings.friction * conditions.friction_factor;
         let parameters = IntegrationParameters {
             dt: settings.dt_secs,
             num_solver_iterations: 1,
             num_internal_pgs_iterations: settings.pgs_iterations,
             num_internal_stabilization_iterations: 1,
             friction_model: FrictionModel::Coulomb,
+            // Otherwise one pass a step alone holds the feet, and pushed bodies slip.
+            friction_in_bias_pass: true,
             // Stiffer and less damped than the default, under which feet sink two millimetres.
             static_contact_softness: SpringCoefficients::new(120.0, 2.0),
+            // Nothing passes through a metre of ground in one step.
+            max_ccd_substeps: 0,
             ..IntegrationParameters::default()
         };
         let mut colliders = ColliderSet::new();
         let ground = ColliderBuilder::cuboid(500.0, 500.0, 0.5)
             .position(Pose::from_translation(Vector::new(0.0, 0.0, -0.5)))
-            .friction(settings.friction)
+            .friction(friction)
             .collision_groups(InteractionGroups::new(GROUND, BODY, InteractionTestMode::And));
         let ground = colliders.insert(ground);
         Self {
@@ -65,7 +72,8 @@ impl Engine {
             ccd: CCDSolver::new(),
             pipeline: PhysicsPipeline::new(),
             ground,
-            friction: settings.friction,
+            friction,
+            mass_factor: conditions.mass_factor,
         }
     }
 

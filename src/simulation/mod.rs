@@ -12,26 +12,32 @@ mod assist;
 mod balls;
 mod body;
 mod chain;
+mod conditions;
 mod contact;
 mod engine;
 mod fall;
 mod feed_forward;
 mod gains;
+mod levelling;
 mod multibody;
 mod reference;
 mod retarget;
 mod rollout;
 mod run;
+mod self_test;
 mod settings;
 mod sole;
 
+pub use assist::{ASSIST_ANGULAR, ASSIST_LINEAR};
 pub use balls::ADDED_INERTIA;
 pub use body::AddedInertia;
+pub use conditions::{Conditions, Push};
 pub use engine::{ENGINE_VERSION, GRAVITY_M_S2};
 pub use fall::{FallCause, FallRule, LOST_TRACK_M};
 pub use gains::{Gains, gains};
 pub use rollout::{Contact, Event, EventKind, Outcome, Rollout, RolloutSample, SegmentPoses};
-pub use run::Simulation;
+pub use run::{Command, Observer, Simulation};
+pub use self_test::{Check, self_test};
 pub use settings::{JointForm, Level, SettingsError, SimulationSettings};
 
 use crate::humanoid::Humanoid;
@@ -57,6 +63,12 @@ pub enum SimulationError {
     Chain {
         /// Link below the joint.
         link: String,
+    },
+    /// The body could not be built.
+    #[error("failed to build the body: {reason}")]
+    Body {
+        /// What is wrong with it.
+        reason: String,
     },
     /// The engine did not accept the body in reduced coordinates.
     #[error("the physics engine refused the robot as a multibody")]

@@ -30,6 +30,8 @@ struct Axis {
     effort_nm: f64,
     /// Rest angle of the spring in the last step, radians.
     rest_rad: f64,
+    /// Torques since they were last taken, added up, N m.
+    torques_nm: f64,
 }
 
 pub(super) struct Multibody {
@@ -37,6 +39,8 @@ pub(super) struct Multibody {
     handle: MultibodyJointHandle,
     axes: Vec<Axis>,
     chains: Vec<Chain>,
+    /// Steps since the torques were last taken.
+    num_steps: usize,
 }
 
 impl Multibody {
@@ -92,6 +96,7 @@ impl Multibody {
                 gains: gains(JOINTS[axis.kit].short_name()),
                 effort_nm: axis.effort_nm,
                 rest_rad: 0.0,
+                torques_nm: 0.0,
             });
         }
         let multibody = Self {
@@ -99,6 +104,7 @@ impl Multibody {
             handle,
             axes,
             chains: chains.to_vec(),
+            num_steps: 0,
         };
         multibody.set_state(engine, start);
         Some(multibody)
@@ -130,11 +136,7 @@ impl Articulation for Multibody {
     fn command(&mut self, engine: &mut Engine, target: &ReferenceState, moments: &SegmentMoments) {
         let mut feed_forward = [0.0; NUM_JOINTS];
         for chain in &self.chains {
-            let (joint_from_segment, _) = chain.turn(&target.angles, &target.speeds);
-            let in_joint = joint_from_segment * moments[chain.segment];
-            for (kit, axis) in chain.axes_in_joint(&target.angles) {
-                feed_forward[kit] = axis.dot(&in_joint);
-            }
+            chain.project(&target.angles, &moments[chain.segment], &mut feed_forward);
         }
         let Some((multibody, _)) = engine.multibodies.get_mut(self.handle) else { return };
         for axis in &mut self.axes {
@@ -166,12 +168,22 @@ impl Articulation for Multibody {
     }
 
     /// The springs are implicit: their torque is the law at the end of the step.
-    fn add_torques(&self, engine: &Engine, angles: &[f64; NUM_JOINTS], torques: &mut [f64; NUM_JOINTS]) {
-        let (_, speeds) = self.angles_and_speeds(engine);
-        for axis in &self.axes {
+    fn add_step(&mut self, engine: &Engine) {
+        self.num_steps += 1;
+        let (angles, speeds) = self.angles_and_speeds(engine);
+        for axis in &mut self.axes {
             let (kp, kd) = (axis.gains.stiffness_nm_rad, axis.gains.damping_nms_rad);
-            torques[axis.kit] += kp * (axis.rest_rad - angles[axis.kit]) - kd * speeds[axis.kit];
+            axis.torques_nm += kp * (axis.rest_rad - angles[axis.kit]) - kd * speeds[axis.kit];
         }
+    }
+
+    fn take_torques(&mut self, _angles: &[f64; NUM_JOINTS]) -> [f64; NUM_JOINTS] {
+        let mut torques = [0.0; NUM_JOINTS];
+        let num_steps = std::mem::take(&mut self.num_steps).max(1) as f64;
+        for axis in &mut self.axes {
+            torques[axis.kit] = std::mem::take(&mut axis.torques_nm) / num_steps;
+        }
+        torques
     }
 
     /// Reduced coordinates cannot come apart.

@@ -1,7 +1,9 @@
 //! Changes made to a motion before physics sees it; each is named, bounded and reported.
 //!
 //! - *sole levelling*: recorded feet stand with the heel two centimetres up, a matter of shoes and marker fit; ankle and toe
-//!   angles get a constant offset per foot so that the median sole of flat stance is level, by a bounded amount;
+//!   angles get a constant offset per foot so that the median sole of flat stance is level, by a bounded amount, and where
+//!   the two level soles then lie at different heights the pelvis is tilted by a constant, bounded angle under a trunk and
+//!   over legs that keep their directions;
 //! - *ground shift*: the whole motion is moved vertically so that the soles of stance meet the floor, by a bounded amount
 //!   (an unbounded shift would hide floating);
 //! - *jump filter*: joint angles that jump between two frames faster than a joint moves ([`crate::motion::filter_jumps`]);
@@ -9,17 +11,12 @@
 //! - *swing lift*: recorded feet pass the floor by a few millimetres, and simulated ones then scuff and trip, so the
 //!   swinging leg is bent a little more. Only the command is lifted; errors are measured against the unlifted motion.
 
-use super::sole::{Sole, SoleTracks};
+use super::levelling::level_soles;
+use super::sole::SoleTracks;
 use super::{Event, EventKind, SimulationSettings};
 use crate::humanoid::{Humanoid, Side};
 use crate::motion::{Frame, JOINTS, Motion, MotionError, filter_jumps, joint_index};
 
-/// Largest slope of a standing sole that is taken for a fault of marker fit and shoes, radians.
-const LARGEST_LEVELLING_RAD: f64 = 0.2;
-/// Share of the frames in which both feet must stand for the soles to be levelled.
-const STANDING_SHARE: f64 = 0.95;
-/// Largest difference in height of the two levelled soles, metres; a larger one says that the fit is off elsewhere.
-const LARGEST_STEP_M: f64 = 0.005;
 /// A foot that clears the floor by this much needs no lift, metres.
 const ENOUGH_CLEARANCE_M: f64 = 0.05;
 /// Full lift: knee, hip and ankle angles added, radians.
@@ -98,75 +95,6 @@ pub(super) fn retarget(
         }
     }
     Ok(Retargeted { reference, command, events })
-}
-
-/// Levels the soles of a motion that stands, by constant offsets of ankle and toe angles.
-///
-/// A motion that steps keeps its ankles: turning them would make the heel of the swinging foot scuff.
-/// So does one whose soles, once level, would not lie on one floor.
-fn level_soles(
-    humanoid: &Humanoid,
-    motion: Motion,
-    note: &mut impl FnMut(String),
-) -> Result<Motion, MotionError> {
-    let soles = SoleTracks::new(humanoid, &motion);
-    let standing = soles.feet.iter().filter(|feet| feet.iter().all(Sole::stands)).count();
-    if (standing as f64) < STANDING_SHARE * soles.feet.len() as f64 {
-        return Ok(motion);
-    }
-    let mut messages = Vec::new();
-    let levelled = with_level_soles(humanoid, motion.clone(), &mut messages)?;
-    let soles = SoleTracks::new(humanoid, &levelled);
-    let height = |foot| soles.standing_median(foot, |sole: &Sole| sole.lowest_m);
-    if let (Some(left), Some(right)) = (height(0), height(1))
-        && (left - right).abs() > LARGEST_STEP_M
-    {
-        return Ok(motion);
-    }
-    messages.into_iter().for_each(note);
-    Ok(levelled)
-}
-
-fn with_level_soles(
-    humanoid: &Humanoid,
-    mut motion: Motion,
-    messages: &mut Vec<String>,
-) -> Result<Motion, MotionError> {
-    for (foot, prefix) in ["L", "R"].into_iter().enumerate() {
-        let joint = |suffix: &str| joint_index(&format!("{prefix}{suffix}"));
-        let (Some(pitch), Some(roll), Some(toe)) = (joint("Ax"), joint("Ay"), joint("Fx")) else { continue };
-        let mut sum = [0.0; 3];
-        // The axes are not quite along the slopes, so a second round removes what the first one left.
-        for _ in 0..2 {
-            let soles = SoleTracks::new(humanoid, &motion);
-            let slopes = [
-                soles.standing_median(foot, |sole| sole.pitch_rad),
-                soles.standing_median(foot, |sole| sole.roll_rad),
-                soles.standing_median(foot, |sole| sole.toe_pitch_rad - sole.pitch_rad),
-            ];
-            let [Some(pitch_rad), Some(roll_rad), Some(toe_rad)] = slopes else { break };
-            // Positive x lifts the front, positive y lowers the right side.
-            let wanted = [sum[0] - pitch_rad, sum[1] + roll_rad, sum[2] - toe_rad];
-            let bounded = wanted.map(|offset| offset.clamp(-LARGEST_LEVELLING_RAD, LARGEST_LEVELLING_RAD));
-            let change = [0, 1, 2].map(|index| bounded[index] - sum[index]);
-            sum = bounded;
-            motion = motion.map_frames(|_, frame| {
-                for (joint, offset) in [pitch, roll, toe].into_iter().zip(change) {
-                    let angle = frame.joint_angles_rad[joint] + offset;
-                    frame.joint_angles_rad[joint] =
-                        angle.clamp(JOINTS[joint].lower_rad, JOINTS[joint].upper_rad);
-                }
-            })?;
-        }
-        if sum.iter().any(|offset| offset.abs() > 1e-3) {
-            let [pitch, roll, toe] = sum.map(f64::to_degrees);
-            let side = if foot == 0 { "left" } else { "right" };
-            messages.push(format!(
-                "levelled the {side} sole of stance: ankle {pitch:+.1} deg pitch, {roll:+.1} deg roll, toes {toe:+.1} deg"
-            ));
-        }
-    }
-    Ok(motion)
 }
 
 fn raise(frame: &mut Frame, side: Side, lift: f64) {

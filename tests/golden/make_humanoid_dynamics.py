@@ -1,9 +1,12 @@
-"""Writes humanoid_dynamics.json: inverse dynamics of urdf/mmm_humanoid.urdf as MuJoCo and Pinocchio compute it.
+"""Writes humanoid_dynamics.json: the dynamics of urdf/mmm_humanoid.urdf as MuJoCo and Pinocchio compute it.
 
     pip install -r tests/golden/requirements.txt
     python tests/golden/make_humanoid_dynamics.py
 
 Random states, speeds and accelerations, no contact; gravity 9.81 m/s^2 down.
+Inverse dynamics; mass matrix; centre of mass, its Jacobian, and angular momentum about it; the Jacobian of a hand.
+A generalised velocity is the root's (3), its angular velocity (3), both in the world, then the joints' by name.
+Of matrices the products with random velocities are kept, which a wrong entry anywhere changes.
 Both programs must agree with each other; otherwise nothing is written.
 SI units; the root's velocity, acceleration and wrench are in the world, moments about the root's origin.
 """
@@ -62,6 +65,61 @@ def by_pinocchio(model, data, state, angles, speeds, accelerations):
     return torques, turn @ force[:3], turn @ force[3:6]
 
 
+HAND, POINT = "left_hand", np.array([0.01, 0.02, -0.05])
+
+
+def names_of(angles):
+    return sorted(angles)
+
+
+def matrices_by_mujoco(model, data, state, angles):
+    """Mass matrix, CoM, its Jacobian, centroidal angular momentum matrix and hand Jacobian in our velocity."""
+    turn, names = state["rotation"], names_of(angles)
+    order = list(range(6)) + [int(model.joint(name).dofadr[0]) for name in names]
+    data.qvel[:] = 0
+    mujoco.mj_forward(model, data)
+    full = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, full)
+    hand = data.body(HAND)
+    point = hand.xpos + hand.xmat.reshape(3, 3) @ POINT
+    position, rotation_ = np.zeros((3, model.nv)), np.zeros((3, model.nv))
+    mujoco.mj_jac(model, data, position, rotation_, point, model.body(HAND).id)
+    com = np.zeros((3, model.nv))
+    mujoco.mj_jacSubtreeCom(model, data, com, model.body("pelvis").id)
+    momentum = np.zeros((3, model.nv))
+    mujoco.mj_angmomMat(model, data, momentum, model.body("pelvis").id)
+    # MuJoCo's free joint turns in its own frame, ours in the world's.
+    own = np.eye(model.nv)
+    own[3:6, 3:6] = turn.T
+    pick = lambda matrix: (matrix @ own)[:, order]
+    mass = (own.T @ full @ own)[np.ix_(order, order)]
+    return mass, data.subtree_com[model.body("pelvis").id].copy(), pick(com), pick(momentum), pick(np.vstack([position, rotation_]))
+
+
+def matrices_by_pinocchio(model, data, state, angles):
+    turn, names = state["rotation"], names_of(angles)
+    q = pinocchio.neutral(model)
+    q[:3], q[3:7] = state["position"], pinocchio.Quaternion(turn).coeffs()
+    for name, angle in angles.items():
+        q[model.joints[model.getJointId(name)].idx_q] = angle
+    order = list(range(6)) + [model.joints[model.getJointId(name)].idx_v for name in names]
+    own = np.eye(model.nv)
+    own[:3, :3] = own[3:6, 3:6] = turn.T
+    full = pinocchio.crba(model, data, q)
+    full = np.triu(full) + np.triu(full, 1).T
+    com = pinocchio.jacobianCenterOfMass(model, data, q)
+    centroidal = pinocchio.ccrba(model, data, q, np.zeros(model.nv)).copy()
+    frame = model.getFrameId(HAND)
+    pinocchio.forwardKinematics(model, data, q)
+    pinocchio.updateFramePlacements(model, data)
+    hand = pinocchio.computeFrameJacobian(model, data, q, frame, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+    lever = data.oMf[frame].rotation @ POINT
+    hand[:3] += np.cross(hand[3:].T, lever).T
+    pick = lambda matrix: (matrix @ own)[:, order]
+    mass = (own.T @ full @ own)[np.ix_(order, order)]
+    return mass, data.com[0].copy(), pick(com), pick(centroidal[3:]), pick(hand)
+
+
 def exact(values):
     return [float(value) for value in values]
 
@@ -100,6 +158,15 @@ def main():
         gaps = [abs(ours[0][name] - theirs[0][name]) for name in angles]
         gaps += list(np.abs(ours[1] - theirs[1])) + list(np.abs(ours[2] - theirs[2]))
         worst = max(worst, max(gaps) / scale)
+        ours_all = matrices_by_mujoco(mj_model, mj_data, state, angles)
+        theirs_all = matrices_by_pinocchio(pin_model, pin_data, state, angles)
+        for one, other in zip(ours_all, theirs_all):
+            worst = max(worst, np.abs(one - other).max() / np.abs(other).max())
+        mass, com, com_jacobian, momentum, hand = theirs_all
+        # What the matrices do to the state's own velocity.
+        names = names_of(angles)
+        velocity = np.concatenate([state["velocity"], state["angular_velocity"], [speeds[name] for name in names]])
+        product = mass @ velocity
         states.append(
             {
                 "root_position_m": exact(state["position"]),
@@ -114,6 +181,14 @@ def main():
                 "torques_nm": theirs[0],
                 "root_force_n": exact(theirs[1]),
                 "root_moment_nm": exact(theirs[2]),
+                "momentum_of_root": exact(product[:6]),
+                "momentum_of_joints": dict(zip(names, exact(product[6:]))),
+                "mass_diagonal_of_joints": dict(zip(names, exact(np.diag(mass)[6:]))),
+                "kinetic_energy_j": float(velocity @ product / 2),
+                "com_m": exact(com),
+                "com_velocity_m_s": exact(com_jacobian @ velocity),
+                "angular_momentum_kgm2_s": exact(momentum @ velocity),
+                "hand_velocity": exact(hand @ velocity),
             }
         )
     if worst > AGREEMENT:

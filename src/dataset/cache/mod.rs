@@ -20,7 +20,7 @@ use super::{Dataset, Entry, Sample, Skipped};
 use crate::manifest::{VERSION, sha256_hex};
 use store::{Encoded, Slot, Store, Writer};
 
-/// Raise this when a reader of motions or captions begins to give something else for the same file.
+/// Raise this when a reader of motions or captions, or the retargeting, begins to give something else for the same file.
 const READERS: u32 = 1;
 
 /// Entries read between two writes; bounds the memory a build takes.
@@ -165,6 +165,12 @@ impl Dataset {
             format!("{VERSION}|{READERS}|{:?}|{entry:?}|{:?}", self.options, self.files.stamp(&entry.name));
         if let Captions::File(name) = &entry.captions {
             text.push_str(&format!("|{:?}", self.files.stamp(name)));
+        }
+        if let Some(name) = &entry.skeleton {
+            text.push_str(&format!("|{:?}", self.files.stamp(name)));
+        }
+        if let Some(skeleton) = &self.skeleton {
+            text.push_str(&format!("|{skeleton:?}"));
         }
         sha256_hex(text.as_bytes())[..32].to_owned()
     }

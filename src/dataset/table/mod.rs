@@ -9,6 +9,7 @@ mod npy;
 use super::archive;
 use super::entry::Format;
 use super::files::{FileError, MAX_MOTION_BYTES};
+use crate::mocap::{MAX_FRAMES, PositionOrder};
 use crate::motion::{Frame, JOINTS, MotionError, NUM_CHANNELS, NUM_JOINTS, ROOT_CHANNEL_NAMES, bounds};
 use std::f64::consts::TAU;
 
@@ -21,11 +22,20 @@ const ABSURD_HEIGHT_M: f64 = 10.0;
 /// What a table says.
 #[derive(Debug)]
 pub(super) struct Table {
-    pub(super) frames: Vec<Frame>,
+    pub(super) content: Content,
     /// Rate and body height, which only an `.npz` can state.
     pub(super) rate_hz: Option<f64>,
     pub(super) height_m: Option<f64>,
     pub(super) warnings: Vec<String>,
+}
+
+/// What the numbers of a table are.
+#[derive(Debug)]
+pub(super) enum Content {
+    /// Frames of the humanoid.
+    Frames(Vec<Frame>),
+    /// Joint centres, frame after frame, in a known order.
+    Positions(PositionOrder, Vec<[f64; 3]>),
 }
 
 /// Why a table is not a motion.
@@ -39,7 +49,9 @@ pub(super) enum TableError {
     Dtype { found: String },
     #[error("the array should be {shape}, but the file holds only {found} bytes of data: it is truncated")]
     Truncated { shape: String, found: usize },
-    #[error("expected frames x {NUM_CHANNELS}, found {found}")]
+    #[error(
+        "expected frames x {NUM_CHANNELS} (or joint positions, frames x 21 x 3 or frames x 22 x 3), found {found}"
+    )]
     Shape { found: String },
     #[error("the .npz {0}")]
     Npz(#[from] FileError),
@@ -72,28 +84,40 @@ pub(super) enum TableError {
 /// Reads a table and checks its units.
 pub(super) fn read_table(bytes: &[u8], format: Format) -> Result<Table, TableError> {
     let mut table = match format {
-        Format::Csv => Table::of(csv::parse_csv(bytes)?),
+        Format::Csv => Table::of(Content::Frames(csv::parse_csv(bytes)?)),
         Format::Npz => read_npz(bytes)?,
-        Format::Npy | Format::Mmm => Table::of(frames_of(&npy::parse_npy(bytes)?)?),
+        Format::Npy | Format::Mmm | Format::Bvh | Format::Amc => {
+            Table::of(content_of(&npy::parse_npy(bytes)?)?)
+        }
     };
     check_units(&mut table)?;
     Ok(table)
 }
 
 impl Table {
-    fn of(frames: Vec<Frame>) -> Self {
-        Self { frames, rate_hz: None, height_m: None, warnings: Vec::new() }
+    fn of(content: Content) -> Self {
+        Self { content, rate_hz: None, height_m: None, warnings: Vec::new() }
     }
 }
 
-fn frames_of(array: &npy::Array<'_>) -> Result<Vec<Frame>, TableError> {
+fn content_of(array: &npy::Array<'_>) -> Result<Content, TableError> {
     match *array.shape {
         [num_frames, NUM_CHANNELS] if num_frames > bounds::MAX_FRAMES => {
             Err(MotionError::TooLong { found: num_frames }.into())
         }
-        [num_frames, NUM_CHANNELS] => Ok((0..num_frames)
-            .map(|frame| Frame::from_channels(&std::array::from_fn(|channel| array.at(frame, channel))))
-            .collect()),
+        [num_frames, NUM_CHANNELS] => Ok(Content::Frames(
+            (0..num_frames)
+                .map(|frame| Frame::from_channels(&std::array::from_fn(|channel| array.at(frame, channel))))
+                .collect(),
+        )),
+        [num_frames, num_joints, 3] if num_frames <= MAX_FRAMES => {
+            let shape_error = || TableError::Shape { found: shape_text(&array.shape) };
+            let order = PositionOrder::of_count(num_joints).ok_or_else(shape_error)?;
+            let places = (0..num_frames).flat_map(|frame| (0..num_joints).map(move |joint| (frame, joint)));
+            let centres =
+                places.map(|(frame, joint)| std::array::from_fn(|axis| array.at_3([frame, joint, axis])));
+            Ok(Content::Positions(order, centres.collect()))
+        }
         _ => Err(TableError::Shape { found: shape_text(&array.shape) }),
     }
 }
@@ -139,9 +163,9 @@ fn read_npz(bytes: &[u8]) -> Result<Table, TableError> {
         return Err(TableError::NoMotion { found });
     };
     let bytes = read(*index)?;
-    let frames =
-        npy::parse_npy(&bytes).and_then(|array| frames_of(&array)).map_err(|error| within(name, error))?;
-    Ok(Table { rate_hz, height_m, ..Table::of(frames) })
+    let content =
+        npy::parse_npy(&bytes).and_then(|array| content_of(&array)).map_err(|error| within(name, error))?;
+    Ok(Table { rate_hz, height_m, ..Table::of(content) })
 }
 
 /// Name of a channel in messages.
@@ -153,7 +177,7 @@ fn channel_name(channel: usize) -> &'static str {
 ///
 /// No human joint turns once around (the widest limit is 3.32 rad), and no root is 10 m above the floor.
 fn check_units(table: &mut Table) -> Result<(), TableError> {
-    let frames = &table.frames;
+    let Table { content: Content::Frames(frames), warnings, .. } = table else { return Ok(()) };
     let majority = |count: usize| 2 * count > frames.len();
 
     let turned = |frame: &Frame| {
@@ -167,7 +191,7 @@ fn check_units(table: &mut Table) -> Result<(), TableError> {
         if majority(count) {
             return Err(TableError::Degrees { frame, channel, found });
         }
-        table.warnings.push(format!(
+        warnings.push(format!(
             "{count} frames have a joint angle of more than a full turn, first {channel} with {found} rad in frame {frame}"
         ));
     }
@@ -189,7 +213,7 @@ fn check_units(table: &mut Table) -> Result<(), TableError> {
         (0.4..1.6).contains(&frame.root_position_m[1]) && (roll.cos() * pitch.cos()).abs() < 0.5
     };
     if majority(frames.iter().filter(y_up).count()) {
-        table.warnings.push(
+        warnings.push(
             "the body lies on its side at hip height in most frames: is y up? z up is expected".to_owned(),
         );
     }
@@ -216,6 +240,13 @@ mod tests {
         writer.finish().unwrap().into_inner()
     }
 
+    fn frames(table: &Table) -> &[Frame] {
+        match &table.content {
+            Content::Frames(frames) => frames,
+            Content::Positions(..) => panic!("positions"),
+        }
+    }
+
     fn constant(value: f64) -> Vec<u8> {
         array("(3, 50)", &[value; 150])
     }
@@ -226,16 +257,16 @@ mod tests {
         let height = ("height_m.npy", array("(1,)", &[1.6]));
         let table =
             read_table(&npz(&[("poses.npy", constant(0.5)), rate.clone(), height]), Format::Npz).unwrap();
-        assert_eq!((table.frames.len(), table.rate_hz, table.height_m), (3, Some(20.0), Some(1.6)));
+        assert_eq!((frames(&table).len(), table.rate_hz, table.height_m), (3, Some(20.0), Some(1.6)));
         let both = npz(&[("a.npy", constant(0.1)), ("motion.npy", constant(0.5))]);
-        assert_eq!(read_table(&both, Format::Npz).unwrap().frames[0].joint_angles_rad[0], 0.5);
+        assert_eq!(frames(&read_table(&both, Format::Npz).unwrap())[0].joint_angles_rad[0], 0.5);
 
         for (bytes, reason) in [
             (npz(&[("a.npy", constant(0.1)), ("b.npy", constant(0.1))]), "the .npz holds a, b, expected"),
             (npz(&[rate]), "the .npz holds no array"),
             (
-                npz(&[("m.npy", array("(2, 22, 3)", &[0.0; 132]))]),
-                "m.npy in the .npz: expected frames x 50, found 2 x 22 x 3",
+                npz(&[("m.npy", array("(2, 24, 3)", &[0.0; 144]))]),
+                "m.npy in the .npz: expected frames x 50 (or joint positions, frames x 21 x 3 or frames x 22 x 3), found 2 x 24 x 3",
             ),
             (npz(&[("m.npy", b"no".to_vec())]), "m.npy in the .npz: not an .npy array"),
             (npz(&[("m.npy", constant(0.0)), ("rate_hz.npy", array("(2,)", &[1.0, 2.0]))]), "rate_hz.npy"),
@@ -249,7 +280,7 @@ mod tests {
     #[test]
     fn shapes_are_named() {
         for (shape, values, reason) in [
-            ("(10, 263)", 2630, "expected frames x 50, found 10 x 263"),
+            ("(10, 263)", 2630, "found 10 x 263"),
             ("(50,)", 50, "found a row of 50"),
             ("()", 1, "found a single number"),
         ] {

@@ -92,6 +92,12 @@ impl Array<'_> {
         self.number(if self.fortran_order { column * rows + row } else { row * columns + column })
     }
 
+    /// The element at an index of a three-dimensional array.
+    pub(super) fn at_3(&self, [i, j, k]: [usize; 3]) -> f64 {
+        let [a, b, c] = [self.shape[0], self.shape[1], self.shape[2]];
+        self.number(if self.fortran_order { (k * b + j) * a + i } else { (i * b + j) * c + k })
+    }
+
     fn number(&self, index: usize) -> f64 {
         let size = self.kind.size();
         let mut bytes = [0; 8];

@@ -174,9 +174,10 @@ fn header(line: &[u8]) -> Option<(u64, u64)> {
 fn begins_like_text(bytes: &[u8]) -> bool {
     let Some(space) = bytes.iter().position(|byte| *byte == b' ') else { return false };
     let numbers = &bytes[space..bytes.len().min(space + 24)];
+    let numbers = numbers.split(|byte| *byte == b'\n').next().unwrap_or_default();
     numbers.len() > 1
         && numbers.iter().all(|byte| {
-            byte.is_ascii_digit() || matches!(byte, b' ' | b'.' | b'-' | b'+' | b'e' | b'E' | b'\r' | b'\n')
+            byte.is_ascii_digit() || matches!(byte, b' ' | b'.' | b'-' | b'+' | b'e' | b'E' | b'\r')
         })
 }
 

@@ -188,16 +188,15 @@ impl Gathered {
                 self.loose_captions.extend(record.texts);
             }
             Some(Some((place, _))) => {
-                let mut num_taken = 0;
+                let num_of_motion = record.texts.len();
                 for text in record.texts {
                     if self.motions[*place].captions.contains(&text) {
                         self.num_captions_repeated += 1;
                     } else {
                         self.motions[*place].captions.push(text);
-                        num_taken += 1;
                     }
                 }
-                return num_taken;
+                return num_of_motion;
             }
         }
         0

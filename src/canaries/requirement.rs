@@ -1,0 +1,204 @@
+//! What the matrix must show: responses and silences.
+
+use serde::Serialize;
+
+use super::{Fault, Report};
+use crate::plausibility::METRICS;
+use crate::simulation::Level;
+
+/// Largest distance of a silent area from one half, over windows.
+const SILENT: f64 = 0.10;
+/// The same over motions, which are few.
+const SILENT_CLIPS: f64 = 0.20;
+
+/// What is required of a cell.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// The fault makes the value larger: area and pairs at least this.
+    Larger {
+        /// Least area and pairs.
+        least: f64,
+    },
+    /// The fault makes the value smaller: one less area and pairs at least this.
+    Smaller {
+        /// Least of one less area and pairs.
+        least: f64,
+    },
+    /// The fault leaves the value alone: the area within this of one half, or no motion's mean changed at all.
+    Silent {
+        /// Largest distance from one half.
+        most: f64,
+    },
+}
+
+/// A requirement on one cell.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Requirement {
+    /// Key of the metric.
+    pub metric: &'static str,
+    /// The fault.
+    pub fault: Fault,
+    /// What is required.
+    pub kind: Kind,
+}
+
+/// A requirement and what came of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Verdict {
+    /// What was required.
+    pub requirement: Requirement,
+    /// Area found; `None` when no motion has the fault and the metric.
+    pub area: Option<f64>,
+    /// Pairs found.
+    pub paired: Option<f64>,
+    /// Whether it held. A required response that was not measured does not hold, a silence does.
+    pub holds: bool,
+}
+
+/// The metric meant for a fault, and how well it must see it.
+const RESPONSES: [(&str, Fault, Kind); 12] = [
+    ("l0/float", Fault::Float, Kind::Larger { least: 0.99 }),
+    ("l1/residual_force", Fault::Float, Kind::Larger { least: 0.99 }),
+    ("l0/penetration", Fault::Sink, Kind::Larger { least: 0.99 }),
+    ("l0/slowest_contact_speed", Fault::Slide, Kind::Larger { least: 0.99 }),
+    ("l1/residual_force_gated", Fault::Slide, Kind::Larger { least: 0.9 }),
+    ("l0/jitter", Fault::Jitter, Kind::Larger { least: 0.99 }),
+    ("l1/residual_force", Fault::Jitter, Kind::Larger { least: 0.9 }),
+    ("l0/zmp_outside", Fault::Lean, Kind::Larger { least: 0.99 }),
+    ("l0/dynamic_degree", Fault::Frozen, Kind::Smaller { least: 0.99 }),
+    ("l0/zmp_outside", Fault::DoubleSpeed, Kind::Larger { least: 0.95 }),
+    ("l1/residual_force_gated", Fault::KneeSwap, Kind::Larger { least: 0.95 }),
+    ("l0/heading_speed", Fault::TimeReversal, Kind::Smaller { least: 0.99 }),
+];
+
+/// Metrics that a fault leaves alone by construction.
+const SILENCES: [(Fault, &[&str]); 6] = [
+    (
+        Fault::Float,
+        &[
+            "l0/dynamic_degree",
+            "l0/jitter",
+            "l0/joint_speed_p95",
+            "l0/heading_speed",
+            "l0/self_collision_depth",
+        ],
+    ),
+    (
+        Fault::Sink,
+        &[
+            "l0/dynamic_degree",
+            "l0/jitter",
+            "l0/joint_speed_p95",
+            "l0/heading_speed",
+            "l0/self_collision_depth",
+        ],
+    ),
+    (
+        Fault::Slide,
+        &[
+            "l0/float",
+            "l0/penetration",
+            "l0/jitter",
+            "l0/joint_speed_p95",
+            "l0/com_margin",
+            "l1/residual_force",
+        ],
+    ),
+    (
+        Fault::Jitter,
+        &["l0/joint_speed_p95", "l0/joint_jerk", "l0/joint_limit_share", "l0/self_collision_depth"],
+    ),
+    (Fault::Lean, &["l0/joint_speed_p95", "l0/joint_jerk", "l0/heading_speed", "l0/self_collision_depth"]),
+    (Fault::KneeSwap, &["l0/heading_speed", "l0/root_speed_peak", "l0/root_turn_peak"]),
+];
+
+/// Everything required of the matrix; with `rollouts` of level 2 too.
+#[must_use]
+pub fn requirements(rollouts: bool) -> Vec<Requirement> {
+    let responses = RESPONSES.map(|(metric, fault, kind)| Requirement { metric, fault, kind });
+    let silences = SILENCES.iter().flat_map(|&(fault, metrics)| {
+        metrics.iter().map(move |&metric| Requirement { metric, fault, kind: Kind::Silent { most: SILENT } })
+    });
+    // Mechanics knows no direction of time, and no left and right.
+    let controls = METRICS.iter().filter(|metric| rollouts || metric.level != Level::L2).flat_map(|metric| {
+        let most = if metric.level == Level::L2 { SILENT_CLIPS } else { SILENT };
+        let of = |fault| Requirement { metric: metric.key, fault, kind: Kind::Silent { most } };
+        let reversal = matches!(metric.level, Level::L1 | Level::L2).then(|| of(Fault::TimeReversal));
+        reversal.into_iter().chain((metric.level != Level::L3).then(|| of(Fault::Mirror)))
+    });
+    responses.into_iter().chain(silences).chain(controls).collect()
+}
+
+pub(super) fn judge(report: &Report, rollouts: bool) -> Vec<Verdict> {
+    requirements(rollouts)
+        .into_iter()
+        .map(|requirement| {
+            let cell = report.cell(requirement.metric, requirement.fault);
+            let (area, paired) = (cell.map(|cell| cell.area), cell.map(|cell| cell.paired));
+            let holds = match (requirement.kind, cell) {
+                (Kind::Larger { least }, Some(cell)) => cell.area >= least && cell.paired >= least,
+                (Kind::Smaller { least }, Some(cell)) => {
+                    1.0 - cell.area >= least && 1.0 - cell.paired >= least
+                }
+                (Kind::Silent { most }, Some(cell)) => {
+                    (cell.area - 0.5).abs() <= most || cell.num_changed == 0
+                }
+                (Kind::Silent { .. }, None) => true,
+                (Kind::Larger { .. } | Kind::Smaller { .. }, None) => false,
+            };
+            Verdict { requirement, area, paired, holds }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Cell;
+    use super::*;
+
+    #[test]
+    fn requirements_name_metrics_that_exist() {
+        for requirement in requirements(true) {
+            assert!(crate::plausibility::find_metric(requirement.metric).is_some(), "{}", requirement.metric);
+        }
+    }
+
+    #[test]
+    fn a_blind_metric_and_a_nervous_one_fail() {
+        let cell = |metric, fault, area| Cell {
+            metric,
+            fault,
+            area,
+            paired: area,
+            num_values: [9, 9],
+            num_clips: 3,
+            num_changed: 3,
+        };
+        let mut report = Report {
+            clips: Vec::new(),
+            locomotion: Vec::new(),
+            window_secs: 1.0,
+            cells: vec![
+                cell("l0/float", Fault::Float, 1.0),
+                cell("l0/penetration", Fault::Sink, 0.98),
+                cell("l0/dynamic_degree", Fault::Frozen, 0.0),
+                cell("l0/jitter", Fault::Mirror, 0.7),
+                cell("l0/float", Fault::Mirror, 0.55),
+            ],
+            verdicts: Vec::new(),
+        };
+        report.verdicts = judge(&report, false);
+        let holds = |metric: &str, fault: Fault| {
+            let of = |verdict: &&Verdict| {
+                verdict.requirement.metric == metric && verdict.requirement.fault == fault
+            };
+            report.verdicts.iter().find(of).unwrap().holds
+        };
+        assert!(holds("l0/float", Fault::Float) && holds("l0/dynamic_degree", Fault::Frozen));
+        assert!(!holds("l0/penetration", Fault::Sink), "0.98 is not 0.99");
+        assert!(!holds("l0/jitter", Fault::Mirror) && holds("l0/float", Fault::Mirror));
+        assert!(!holds("l0/jitter", Fault::Jitter), "not measured");
+        assert!(!report.passed());
+    }
+}

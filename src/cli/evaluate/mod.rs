@@ -1,0 +1,193 @@
+//! `rprae evaluate`: sentences scored against reference sentences.
+
+mod report;
+mod sentences;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+
+use self::report::{Report, ScoreRecord};
+use super::exit::{Exit, Failure, OrExit};
+use super::output;
+use crate::evaluation::encoder::{Encoder, KNOWN_ENCODERS, Pooling, parse_baseline};
+use crate::evaluation::{Baseline, Measurement, Panel, Resampling, SentenceEncoder, TokenEncoder};
+
+#[derive(Debug, Args)]
+pub(super) struct EvaluateArgs {
+    /// Sentences to score: a line each (.txt), or `{"id": "7", "hypothesis": "..."}` a line (.jsonl)
+    #[arg(long, value_name = "FILE")]
+    pub hypotheses: PathBuf,
+    /// What they should say: a line each, several between tabs, or `{"id": "7", "references": ["..."]}` a line; may be
+    /// given several times, and the references of a segment add up
+    #[arg(long, value_name = "FILE", required = true)]
+    pub references: Vec<PathBuf>,
+    /// Hypotheses of another system, compared segment by segment; also the reference model of relative performance
+    #[arg(long, value_name = "FILE")]
+    pub paired: Option<PathBuf>,
+    /// Folder of the encoder for BERTScore
+    #[arg(long, value_name = "DIR")]
+    pub encoder: Option<PathBuf>,
+    /// Layer for BERTScore [default: 17 for an encoder of the shape of roberta-large, else the last]
+    #[arg(long, value_name = "N", requires = "encoder")]
+    pub layer: Option<usize>,
+    /// Table of BERTScore baselines, LAYER,P,R,F a line [default: the published one for roberta-large, layer 17]
+    #[arg(long, value_name = "FILE", requires = "encoder")]
+    pub baseline: Option<PathBuf>,
+    /// Give byte-pair tokenisers the first word without a space before it, unlike published BERTScore values
+    #[arg(long, requires = "encoder")]
+    pub no_prefix_space: bool,
+    /// Folder of the encoder for the sentence cosine
+    #[arg(long, value_name = "DIR")]
+    pub sentence_encoder: Option<PathBuf>,
+    /// How a sentence becomes one vector [default: pooler where the model has one, else cls]
+    #[arg(long, value_name = "HOW", requires = "sentence_encoder")]
+    pub pooling: Option<PoolingArg>,
+    /// Seed of the resampling
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Draws for intervals and p-values
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=1_000_000))]
+    pub resamples: u32,
+    /// Folder for scores.json, scores.csv and segments.csv [default: results/NAME-scores-NNN]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Replace the scores that --out holds
+    #[arg(long, requires = "out")]
+    pub overwrite: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(super) enum PoolingArg {
+    /// The start token after the last layer
+    Cls,
+    /// The start token through the pooler
+    Pooler,
+    /// The mean over all tokens
+    Mean,
+}
+
+impl From<PoolingArg> for Pooling {
+    fn from(arg: PoolingArg) -> Self {
+        match arg {
+            PoolingArg::Cls => Self::Cls,
+            PoolingArg::Pooler => Self::Pooler,
+            PoolingArg::Mean => Self::Mean,
+        }
+    }
+}
+
+pub(super) fn run(args: &EvaluateArgs) -> Result<Exit, Failure> {
+    let pairs = sentences::read(&args.hypotheses, &args.references).or_usage()?;
+    let other = match &args.paired {
+        Some(path) => Some(sentences::read(path, &args.references).or_usage()?),
+        None => None,
+    };
+    if let Some(other) = &other {
+        let ids = |corpus: &crate::evaluation::Corpus| -> Vec<String> {
+            corpus.segments().iter().map(|segment| segment.id.clone()).collect()
+        };
+        if ids(&pairs.corpus) != ids(&other.corpus) {
+            let error = anyhow::anyhow!(
+                "compare two systems: their hypotheses are not of the same segments, in the same order"
+            );
+            return Err(error).or_usage();
+        }
+    }
+    let token_encoder = match &args.encoder {
+        Some(folder) => Some(open_token_encoder(folder, args).or_usage()?),
+        None => None,
+    };
+    let sentence_encoder = match &args.sentence_encoder {
+        Some(folder) => Some(Encoder::open(folder, None).or_usage()?),
+        None => None,
+    };
+    let panel = Panel {
+        token_encoder: token_encoder.as_ref().map(|(encoder, baseline)| TokenEncoder {
+            encoder,
+            prefix_space: !args.no_prefix_space,
+            baseline: baseline.clone(),
+        }),
+        sentence_encoder: sentence_encoder.as_ref().map(|encoder| SentenceEncoder {
+            encoder,
+            pooling: args.pooling.map_or_else(
+                || if encoder.has_pooler() { Pooling::Pooler } else { Pooling::Cls },
+                Pooling::from,
+            ),
+        }),
+    };
+    // The place for the results is made before the long work.
+    let folder = report::folder(args.out.as_deref(), args.overwrite, &args.hypotheses).or_usage()?;
+    if args.encoder.is_some() || args.sentence_encoder.is_some() {
+        let num_sentences = pairs.corpus.sentences().count();
+        eprintln!("encoding {num_sentences} sentences, each distinct one once");
+    }
+    let measurements = panel.measure(&pairs.corpus).or_failed()?;
+    let others = other.as_ref().map(|other| panel.measure(&other.corpus)).transpose().or_failed()?;
+    let resampling = Resampling { num_resamples: args.resamples as usize, seed: args.seed };
+    let scores = records(&measurements, others.as_deref(), resampling).or_failed()?;
+    let report = Report {
+        rprae: crate::manifest::VERSION,
+        hypotheses: report::InputRecord::of(&args.hypotheses).or_failed()?,
+        references: args
+            .references
+            .iter()
+            .map(|path| report::InputRecord::of(path))
+            .collect::<Result<_, _>>()
+            .or_failed()?,
+        paired: args.paired.as_deref().map(report::InputRecord::of).transpose().or_failed()?,
+        num_segments: pairs.corpus.len(),
+        num_references: pairs.corpus.references().count(),
+        num_resamples: resampling.num_resamples,
+        seed: resampling.seed,
+        scores,
+        absent: panel.absent(),
+        skipped: pairs.skipped,
+    };
+    report::write(&folder, &report, &pairs.corpus, &measurements).or_failed()?;
+    output::print(&report.text(&folder, output::table_width())).or_failed()?;
+    Ok(if report.skipped.is_empty() { Exit::Clean } else { Exit::Skipped })
+}
+
+fn records(
+    ours: &[Measurement],
+    others: Option<&[Measurement]>,
+    resampling: Resampling,
+) -> anyhow::Result<Vec<ScoreRecord>> {
+    ours.iter()
+        .enumerate()
+        .map(|(index, measurement)| {
+            let other = others.and_then(|others| others.get(index));
+            Ok(ScoreRecord {
+                key: measurement.key,
+                value: measurement.score(),
+                interval: resampling.interval(measurement),
+                paired_value: other.map(Measurement::score),
+                comparison: other.map(|other| resampling.compare(measurement, other)).transpose()?,
+                signature: measurement.signature.clone(),
+            })
+        })
+        .collect()
+}
+
+fn open_token_encoder(folder: &Path, args: &EvaluateArgs) -> anyhow::Result<(Encoder, Option<Baseline>)> {
+    let known = &KNOWN_ENCODERS[0];
+    let is_known = crate::evaluation::encoder::looks_like_roberta_large(folder)?;
+    let layer = args.layer.or(known.layer.filter(|_| is_known));
+    let encoder = Encoder::open(folder, layer)?;
+    let baseline = match &args.baseline {
+        Some(path) => {
+            let text = std::fs::read_to_string(path).with_context(|| format!("read {}", path.display()))?;
+            let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+            let baseline = parse_baseline(&text, encoder.layer(), &name)
+                .map_err(|reason| anyhow::anyhow!("understand {}: {reason}", path.display()))?;
+            Some(baseline)
+        }
+        None => known
+            .baseline
+            .filter(|_| is_known && Some(encoder.layer()) == known.layer)
+            .map(|values| Baseline { values, name: "roberta-large-en".to_owned() }),
+    };
+    Ok((encoder, baseline))
+}

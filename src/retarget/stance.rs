@@ -1,0 +1,101 @@
+//! When feet stand, told from the heights and speeds of their joints: one rule for the source and for our motion.
+
+use nalgebra::Vector3;
+
+/// A foot stands while its toe is at most this far above the lowest toe of the clip, metres,
+const TOE_HEIGHT_M: f64 = 0.035;
+/// and moves at most this fast, metres per second.
+const TOE_SPEED_M_S: f64 = 0.35;
+/// It stands flat while its ankle is also at most this far above the ankle's lowest, metres,
+const ANKLE_HEIGHT_M: f64 = 0.03;
+/// and moves at most this fast, metres per second.
+const ANKLE_SPEED_M_S: f64 = 0.25;
+/// The lowest height is this quantile over the clip, so that single bad frames do not decide.
+const LOWEST_SHARE: f64 = 0.03;
+/// Half of the interval over which speeds are taken, seconds.
+const SPEED_REACH_SECS: f64 = 0.025;
+
+/// Path of the toe and ankle joints of both feet (left, right), metres.
+pub(super) struct FootPaths {
+    pub toes: [Vec<Vector3<f64>>; 2],
+    pub ankles: [Vec<Vector3<f64>>; 2],
+}
+
+/// Stance of both feet (left, right).
+#[derive(Debug)]
+pub(super) struct Stance {
+    /// Whether each foot stands, by frame.
+    pub stands: Vec<[bool; 2]>,
+    /// Whether each foot stands flat, by frame.
+    pub flat: Vec<[bool; 2]>,
+    /// Height of each ankle while its foot stands flat, median, metres; of a foot that never does, that of the other.
+    pub ankle_height_m: [f64; 2],
+}
+
+impl Stance {
+    pub(super) fn of(paths: &FootPaths, rate_hz: f64) -> Self {
+        let count = paths.toes[0].len();
+        let mut stance = Self {
+            stands: vec![[false; 2]; count],
+            flat: vec![[false; 2]; count],
+            ankle_height_m: [f64::NAN; 2],
+        };
+        let lowest = |path: &[Vector3<f64>]| quantile(&heights(path), LOWEST_SHARE);
+        let toe_floor = lowest(&paths.toes[0]).min(lowest(&paths.toes[1]));
+        let ankle_floors = [lowest(&paths.ankles[0]), lowest(&paths.ankles[1])];
+        let ankle_floor = ankle_floors[0].min(ankle_floors[1]);
+        for foot in 0..2 {
+            let (toe, ankle) = (&paths.toes[foot], &paths.ankles[foot]);
+            let (toe_speeds, ankle_speeds) = (speeds(toe, rate_hz), speeds(ankle, rate_hz));
+            // Ankles of the same body lie a little apart; one that stays far up never stands flat.
+            let floor = ankle_floors[foot].min(ankle_floor + ANKLE_HEIGHT_M);
+            for frame in 0..count {
+                let stands = toe[frame].z < toe_floor + TOE_HEIGHT_M && toe_speeds[frame] < TOE_SPEED_M_S;
+                let low = ankle[frame].z < floor + ANKLE_HEIGHT_M && ankle_speeds[frame] < ANKLE_SPEED_M_S;
+                stance.stands[frame][foot] = stands;
+                stance.flat[frame][foot] = stands && low;
+            }
+            let standing: Vec<f64> = ankle
+                .iter()
+                .zip(&stance.flat)
+                .filter(|(_, flat)| flat[foot])
+                .map(|(ankle, _)| ankle.z)
+                .collect();
+            if !standing.is_empty() {
+                stance.ankle_height_m[foot] = quantile(&standing, 0.5);
+            }
+        }
+        let [left, right] = stance.ankle_height_m;
+        stance.ankle_height_m = match (left.is_nan(), right.is_nan()) {
+            (true, true) => [ankle_floor; 2],
+            (true, false) => [right; 2],
+            (false, true) => [left; 2],
+            (false, false) => [left, right],
+        };
+        stance
+    }
+}
+
+fn heights(path: &[Vector3<f64>]) -> Vec<f64> {
+    path.iter().map(|point| point.z).collect()
+}
+
+/// A quantile of values of which there is at least one.
+pub(super) fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut values = values.to_vec();
+    let index = ((values.len() as f64 - 1.0) * share).round() as usize;
+    *values.select_nth_unstable_by(index, f64::total_cmp).1
+}
+
+/// Speed along a path by frame, metres per second.
+pub(super) fn speeds(path: &[Vector3<f64>], rate_hz: f64) -> Vec<f64> {
+    let reach = ((SPEED_REACH_SECS * rate_hz).round() as usize).max(1);
+    let last = path.len() - 1;
+    (0..=last)
+        .map(|frame| {
+            let (before, after) = (frame.saturating_sub(reach), (frame + reach).min(last));
+            // A single frame has no speed.
+            (path[after] - path[before]).norm() * rate_hz / (after - before).max(1) as f64
+        })
+        .collect()
+}

@@ -1,0 +1,192 @@
+//! The whole clip: frame after frame, then sweeps that make it smooth in time.
+//!
+//! Minimised is the sum over all frames of the targets' cost plus a small pull of every angle towards rest and towards
+//! its neighbours in time. The first pass goes forward and knows the past only; each later sweep solves every frame
+//! between its two neighbours, so what remains has no lag.
+
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+
+use super::solver::{Kind, Pose, Prior, Solver, Target, Task};
+use super::source::Source;
+use super::target::Plan;
+use crate::humanoid::Humanoid;
+use crate::motion::{NUM_JOINTS, joint_index};
+
+/// Pull of an angle towards rest, square metres per square radian; a full bone direction weighs 0.09.
+const REST_WEIGHT: f64 = 1e-4;
+/// Pull of an angle towards each neighbour in time at 100 Hz; it grows with the square of the rate.
+const SMOOTH_WEIGHT: f64 = 4e-3;
+const SMOOTH_RATE_HZ: f64 = 100.0;
+
+const FIRST_STEPS: usize = 60;
+const TRACK_STEPS: usize = 12;
+const SWEEP_STEPS: usize = 3;
+/// An upper arm this far from its direction looks for another way, radians,
+const ESCAPE_RAD: f64 = 0.6;
+/// which must cost this share of the present one at most,
+const ESCAPE_GAIN: f64 = 0.5;
+/// and then keeps it for this time, seconds.
+const ESCAPE_PAUSE_SECS: f64 = 0.3;
+const ESCAPE_STEPS: usize = 12;
+const NUM_SWEEPS: usize = 3;
+
+/// Solves all frames; returns poses in tree order.
+pub(super) fn track(humanoid: &Humanoid, source: &Source, plan: &mut Plan) -> Vec<Pose> {
+    let tasks = plan.tasks.clone();
+    let mut solver = Solver::new(humanoid, &tasks);
+    let mut targets: Vec<Target> = Vec::with_capacity(plan.tasks.len());
+    let smooth = SMOOTH_WEIGHT * (source.rate_hz / SMOOTH_RATE_HZ).powi(2);
+    let rest = Prior { center: [0.0; NUM_JOINTS], weight: [REST_WEIGHT; NUM_JOINTS] };
+    let mut prior = rest.clone();
+    let mut poses: Vec<Pose> = Vec::with_capacity(source.frames.len());
+    let escapes = Escape::of_arms(humanoid, plan);
+    let escape_pause = (ESCAPE_PAUSE_SECS * source.rate_hz).round() as usize;
+    let mut next_escape = 0;
+    for (index, frame) in source.frames.iter().enumerate() {
+        plan.fill(index, frame, &mut targets);
+        let pose = match poses.last() {
+            None => {
+                let mut pose = first_pose(&solver, source, plan);
+                solver.solve(&mut pose, &targets, &rest, FIRST_STEPS);
+                pose
+            }
+            Some(before) => {
+                let mut pose = *before;
+                pose.root.translation.vector += plan.pelvis(frame) - plan.pelvis(&source.frames[index - 1]);
+                towards(&mut prior, &[(&before.angles, smooth)]);
+                let cost = solver.solve(&mut pose, &targets, &prior, TRACK_STEPS);
+                if index >= next_escape {
+                    for escape in &escapes {
+                        if escape.attempt(&mut solver, &mut pose, cost, &targets, &rest) {
+                            next_escape = index + escape_pause;
+                        }
+                    }
+                }
+                pose
+            }
+        };
+        poses.push(pose);
+    }
+    for sweep in 0..NUM_SWEEPS {
+        let placed = poses.iter().map(|pose| solver.forward(pose).to_vec());
+        plan.ground_feet(humanoid, source.rate_hz, placed);
+        for step in 0..poses.len() {
+            let index = if sweep % 2 == 0 { poses.len() - 1 - step } else { step };
+            plan.fill(index, &source.frames[index], &mut targets);
+            let mut pose = poses[index];
+            let mut neighbours = [(&pose.angles, 0.0); 2];
+            if let Some(before) = index.checked_sub(1) {
+                neighbours[0] = (&poses[before].angles, smooth);
+            }
+            if let Some(after) = poses.get(index + 1) {
+                neighbours[1] = (&after.angles, smooth);
+            }
+            towards(&mut prior, &neighbours);
+            solver.solve(&mut pose, &targets, &prior, SWEEP_STEPS);
+            poses[index] = pose;
+        }
+    }
+    poses
+}
+
+/// A way out for an arm that has run into its limits on the wrong side: other starts of the shoulder.
+///
+/// The model's shoulder turns 260 degrees about its first axis, so an arm that circles must change sides somewhere.
+struct Escape {
+    upper_arm: usize,
+    /// Angles x, z, y of the shoulder.
+    shoulder: [usize; 3],
+    task: usize,
+    side: f64,
+}
+
+impl Escape {
+    fn of_arms(humanoid: &Humanoid, plan: &Plan) -> Vec<Self> {
+        let tree = &humanoid.robot.tree;
+        let angle = |name: String| {
+            let kit = joint_index(&name)?;
+            humanoid.kit_of_angle().iter().position(|&of_angle| of_angle == kit)
+        };
+        [("L", "left_upper_arm", 1.0), ("R", "right_upper_arm", -1.0)]
+            .into_iter()
+            .filter_map(|(letter, link, side)| {
+                let upper_arm = tree.link_index(link)?;
+                let shoulder = [
+                    angle(format!("{letter}Sx"))?,
+                    angle(format!("{letter}Sz"))?,
+                    angle(format!("{letter}Sy"))?,
+                ];
+                let along = |task: &Task| {
+                    task.link == upper_arm && task.kind == Kind::Direction && task.local.z < -0.9
+                };
+                let task = plan.tasks.iter().position(along)?;
+                Some(Self { upper_arm, shoulder, task, side })
+            })
+            .collect()
+    }
+
+    /// Tries other starts when the arm points far off; the best that is clearly better is taken; whether one was is returned.
+    fn attempt(
+        &self,
+        solver: &mut Solver<'_>,
+        pose: &mut Pose,
+        cost: f64,
+        targets: &[Target],
+        rest: &Prior,
+    ) -> bool {
+        let target = targets[self.task];
+        let direction = solver.forward(pose)[self.upper_arm].rotation * -Vector3::z();
+        if target.weight <= 0.0 || direction.angle(&target.value) < ESCAPE_RAD {
+            return false;
+        }
+        let (mut best, mut least) = (None, ESCAPE_GAIN * cost);
+        for x in [-0.5, 1.0, 2.5] {
+            for z in [-0.7, 0.3] {
+                for y in [0.3, 1.3, 2.3] {
+                    let mut candidate = *pose;
+                    for (angle, value) in self.shoulder.into_iter().zip([x, z * self.side, y * self.side]) {
+                        candidate.angles[angle] = solver.clamp(angle, value);
+                    }
+                    let cost = solver.solve(&mut candidate, targets, rest, ESCAPE_STEPS);
+                    if cost < least {
+                        (best, least) = (Some(candidate), cost);
+                    }
+                }
+            }
+        }
+        *pose = best.unwrap_or(*pose);
+        best.is_some()
+    }
+}
+
+/// Sets the prior to the pull towards rest and towards these neighbours.
+fn towards(prior: &mut Prior, neighbours: &[(&[f64; NUM_JOINTS], f64)]) {
+    for angle in 0..NUM_JOINTS {
+        let (mut weight, mut moment) = (REST_WEIGHT, 0.0);
+        for (angles, pull) in neighbours {
+            weight += pull;
+            moment += pull * angles[angle];
+        }
+        prior.weight[angle] = weight;
+        prior.center[angle] = moment / weight;
+    }
+}
+
+/// All joints at rest (or the nearest they may be), the pelvis where it should be and facing as the hips say.
+fn first_pose(solver: &Solver<'_>, source: &Source, plan: &Plan) -> Pose {
+    use super::Role;
+    let frame = &source.frames[0];
+    let right = frame.centre(Role::RightHip) - frame.centre(Role::LeftHip);
+    let trunk = frame.centre(Role::Neck) - frame.pelvis();
+    let forward = trunk.cross(&right);
+    let rotation = UnitQuaternion::face_towards(&forward, &trunk);
+    // `face_towards` looks along z with y up; ours looks along y with z up, so the axes are put in their places.
+    let rotation =
+        rotation * UnitQuaternion::from_basis_unchecked(&[-Vector3::x(), Vector3::z(), Vector3::y()]);
+    let finite = rotation.coords.iter().all(|value| value.is_finite());
+    let rotation = if finite { rotation } else { UnitQuaternion::identity() };
+    Pose {
+        root: Isometry3::from_parts(Translation3::from(plan.pelvis(frame)), rotation),
+        angles: std::array::from_fn(|angle| solver.clamp(angle, 0.0)),
+    }
+}
