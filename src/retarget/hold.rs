@@ -1,7 +1,7 @@
 //! Feet stay where they stand: small corrections of the ankles' targets, found after a first pass.
 //!
 //! - While a foot stands, flat or on its toe, the joint of its toes stays in one place.
-//! - The lowest point of its sole is brought to the floor.
+//! - The lowest point of its sole is brought to the floor; a foot that does not stand is only kept out of it.
 //!
 //! Both are bounded, and fade out before and after the stance.
 
@@ -62,7 +62,11 @@ pub(super) fn hold_feet(
             start = end;
         }
         fade(&wanted, rate_hz, |frame, offset| {
-            let sum = corrections[frame][foot] + offset;
+            let mut sum = corrections[frame][foot] + offset;
+            if !stance.stands[frame][foot] {
+                // Our feet are longer than most sources': what would pass through the floor is lifted.
+                sum.z += (-path[frame].z).max(0.0);
+            }
             let level = Vector3::new(sum.x, sum.y, 0.0).cap_magnitude(LARGEST_HOLD_M);
             corrections[frame][foot] =
                 Vector3::new(level.x, level.y, sum.z.clamp(-LARGEST_LIFT_M, LARGEST_LIFT_M));
