@@ -29,7 +29,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     for _ in 0..ROUNDS {
         let start = Instant::now();
         for (clip, skeleton) in clips.iter().zip(&skeletons) {
-            let options = RetargetOptions { rate_hz: clip.rate_hz().or(Some(100.0)), ..RetargetOptions::default() };
+            let options =
+                RetargetOptions { rate_hz: clip.rate_hz().or(Some(100.0)), ..RetargetOptions::default() };
             std::hint::black_box(retarget(clip, skeleton, &options)?);
         }
         rates.push(num_frames as f64 / start.elapsed().as_secs_f64());
@@ -41,23 +42,44 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn recorded(folder: &Path) -> Result<Vec<Clip>, Box<dyn Error>> {
-    let mut paths: Vec<_> = std::fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
+    let mut paths: Vec<_> =
+        std::fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "bvh"));
     paths.sort();
-    let read = |path: &std::path::PathBuf| -> Result<Clip, Box<dyn Error>> { Ok(read_bvh(&std::fs::read(path)?)?) };
+    let read =
+        |path: &std::path::PathBuf| -> Result<Clip, Box<dyn Error>> { Ok(read_bvh(&std::fs::read(path)?)?) };
     paths.iter().take(MAX_CLIPS).map(read).collect()
 }
 
 /// Order of KIT-ML arrays as links of the humanoid.
 const LINKS: [&str; 21] = [
-    "pelvis", "abdomen", "thorax", "neck", "head", "left_upper_arm", "left_forearm", "left_hand", "right_upper_arm",
-    "right_forearm", "right_hand", "left_thigh", "left_shank", "left_foot", "left_midfoot", "left_toes", "right_thigh",
-    "right_shank", "right_foot", "right_midfoot", "right_toes",
+    "pelvis",
+    "abdomen",
+    "thorax",
+    "neck",
+    "head",
+    "left_upper_arm",
+    "left_forearm",
+    "left_hand",
+    "right_upper_arm",
+    "right_forearm",
+    "right_hand",
+    "left_thigh",
+    "left_shank",
+    "left_foot",
+    "left_midfoot",
+    "left_toes",
+    "right_thigh",
+    "right_shank",
+    "right_foot",
+    "right_midfoot",
+    "right_toes",
 ];
 
 fn bundled() -> Result<Vec<Clip>, Box<dyn Error>> {
     let dataset = Dataset::bundled();
-    let entry = dataset.entries().iter().find(|entry| entry.id == "90001").ok_or("no walking in the suite")?;
+    let entry =
+        dataset.entries().iter().find(|entry| entry.id == "90001").ok_or("no walking in the suite")?;
     let motion = dataset.load(entry).map_err(|skipped| skipped.reason)?.motion;
     let humanoid = Humanoid::new(motion.body())?;
     let links: Vec<usize> = LINKS.iter().filter_map(|name| humanoid.robot.tree.link_index(name)).collect();

@@ -182,7 +182,7 @@ const HUMAN_ROLES: [(&str, [f64; 3]); 22] = [
 
 #[test]
 fn walking_in_the_order_of_human_ml_3d_keeps_its_way_and_its_feet() {
-    let motion = bundled("90003");
+    let motion = bundled("90001");
     let humanoid = Humanoid::new(motion.body()).unwrap();
     let positions = motion
         .frames()
@@ -205,7 +205,7 @@ fn walking_in_the_order_of_human_ml_3d_keeps_its_way_and_its_feet() {
 
 #[test]
 fn mirrored_positions_are_turned_round() {
-    let motion = bundled("90003");
+    let motion = bundled("90001");
     let mirrored = kit_positions(&motion).into_iter().map(|[x, y, z]| [-x, y, z]).collect();
     let clip = PositionOrder::KitMl.clip(mirrored, Some(motion.rate_hz())).unwrap();
     let back = retarget(&clip, &recognise(&clip).unwrap(), &RetargetOptions::default()).unwrap();
@@ -303,7 +303,7 @@ fn own_skeleton() -> String {
 
 #[test]
 fn a_bvh_of_the_humanoid_says_where_its_joints_are() {
-    let motion = bundled("90003");
+    let motion = bundled("90001");
     let humanoid = Humanoid::new(motion.body()).unwrap();
     let clip = read_bvh(bvh(&motion, 40).as_bytes()).unwrap();
     assert_eq!((clip.num_frames(), clip.rate_hz()), (40, Some(motion.rate_hz())));
@@ -324,7 +324,7 @@ fn a_bvh_of_the_humanoid_says_where_its_joints_are() {
 
 #[test]
 fn captures_enter_by_every_door() {
-    let motion = bundled("90003");
+    let motion = bundled("90001");
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     write("walk.bvh", &bvh(&motion, 60));
@@ -361,7 +361,7 @@ fn captures_enter_by_every_door() {
 
 #[test]
 fn bodies_of_impossible_size_are_refused_with_the_size() {
-    let motion = bundled("90003");
+    let motion = bundled("90001");
     let positions: Vec<[f64; 3]> = kit_positions(&motion).into_iter().map(|p| p.map(|x| 7.0 * x)).collect();
     let clip = PositionOrder::KitMl.clip(positions, Some(20.0)).unwrap();
     let error = retarget(&clip, &recognise(&clip).unwrap(), &RetargetOptions::default()).unwrap_err();

@@ -1,13 +1,12 @@
 //! Feet stay where they stand: small corrections of the ankles' targets, found after a first pass.
 //!
-//! - While a foot stands flat, its ankle is held over the middle of where the source has it during that stance.
-//! - While a foot stands, flat or on its toe, the lowest point of our sole is brought to the floor.
+//! - While a foot stands, flat or on its toe, the joint of its toes stays in one place.
+//! - The lowest point of its sole is brought to the floor; a foot that does not stand is only kept out of it.
 //!
 //! Both are bounded, and fade out before and after the stance.
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::source::Source;
 use super::stance::Stance;
 use crate::humanoid::{Humanoid, Side};
 
@@ -21,60 +20,56 @@ const FADE_SECS: f64 = 0.1;
 /// Corrections of both ankles by frame, metres.
 pub(super) type Corrections = Vec<[Vector3<f64>; 2]>;
 
-/// Horizontal corrections, from the source alone.
-pub(super) fn hold_flat_feet(source: &Source, stance: &Stance, corrections: &mut Corrections) {
-    let paths = source.foot_paths();
-    for (foot, path) in paths.ankles.iter().enumerate() {
-        let mut wanted = vec![None; path.len()];
-        let mut start = 0;
-        while start < path.len() {
-            if !stance.flat[start][foot] {
-                start += 1;
-                continue;
-            }
-            let end = (start..path.len()).find(|&frame| !stance.flat[frame][foot]).unwrap_or(path.len());
-            let sum: Vector3<f64> = path[start..end].iter().sum();
-            let middle = sum / (end - start) as f64;
-            for frame in start..end {
-                let offset = (middle - path[frame]).component_mul(&Vector3::new(1.0, 1.0, 0.0));
-                wanted[frame] = Some(offset.cap_magnitude(LARGEST_HOLD_M));
-            }
-            start = end;
-        }
-        fade(&wanted, source.rate_hz, |frame, offset| corrections[frame][foot] += offset);
-    }
-}
-
-/// Vertical corrections that bring the soles of these poses to the floor.
-pub(super) fn ground_feet(
+/// Corrections that bring the standing soles of these poses to the floor and keep their toes where they are.
+pub(super) fn hold_feet(
     humanoid: &Humanoid,
     rate_hz: f64,
     stance: &Stance,
     poses: impl Iterator<Item = Vec<Isometry3<f64>>>,
     corrections: &mut Corrections,
 ) {
-    let lowest: Vec<[f64; 2]> = poses
+    // The joint of the toes is where a foot turns as long as any of its front stands.
+    let toes =
+        ["left_toes", "right_toes"].map(|name| humanoid.robot.tree.link_index(name).unwrap_or_default());
+    // Per frame and foot: the joint of the toes, and in its z the lowest point of the sole.
+    let feet: Vec<[Vector3<f64>; 2]> = poses
         .map(|poses| {
-            [Side::Left, Side::Right].map(|side| {
+            [(Side::Left, toes[0]), (Side::Right, toes[1])].map(|(side, toe)| {
                 let points = humanoid.sole_points.iter().filter(|point| point.side == side);
-                points
+                let lowest = points
                     .map(|point| (poses[point.link] * point.point_in_link_m).z)
-                    .fold(f64::INFINITY, f64::min)
+                    .fold(f64::INFINITY, f64::min);
+                let toe = poses[toe].translation.vector;
+                Vector3::new(toe.x, toe.y, lowest)
             })
         })
         .collect();
     for foot in 0..2 {
-        let wanted: Vec<Option<Vector3<f64>>> = lowest
-            .iter()
-            .zip(&stance.stands)
-            .map(|(lowest, stands)| {
-                let lift = (-lowest[foot]).clamp(-LARGEST_LIFT_M, LARGEST_LIFT_M);
-                stands[foot].then(|| Vector3::z() * lift)
-            })
-            .collect();
+        let path: Vec<Vector3<f64>> = feet.iter().map(|feet| feet[foot]).collect();
+        let mut wanted = vec![None; path.len()];
+        let mut start = 0;
+        while start < path.len() {
+            if !stance.stands[start][foot] {
+                start += 1;
+                continue;
+            }
+            let end = (start..path.len()).find(|&frame| !stance.stands[frame][foot]).unwrap_or(path.len());
+            let middle = path[start..end].iter().sum::<Vector3<f64>>() / (end - start) as f64;
+            for frame in start..end {
+                let offset = middle - path[frame];
+                wanted[frame] = Some(Vector3::new(offset.x, offset.y, -path[frame].z));
+            }
+            start = end;
+        }
         fade(&wanted, rate_hz, |frame, offset| {
-            let z = &mut corrections[frame][foot].z;
-            *z = (*z + offset.z).clamp(-LARGEST_LIFT_M, LARGEST_LIFT_M);
+            let mut sum = corrections[frame][foot] + offset;
+            if !stance.stands[frame][foot] {
+                // Our feet are longer than most sources': what would pass through the floor is lifted.
+                sum.z += (-path[frame].z).max(0.0);
+            }
+            let level = Vector3::new(sum.x, sum.y, 0.0).cap_magnitude(LARGEST_HOLD_M);
+            corrections[frame][foot] =
+                Vector3::new(level.x, level.y, sum.z.clamp(-LARGEST_LIFT_M, LARGEST_LIFT_M));
         });
     }
 }

@@ -13,7 +13,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
-use super::hold::{Corrections, ground_feet, hold_flat_feet};
+use super::hold::{Corrections, hold_feet};
 use super::role::{NUM_ORIENTED, ORIENTED, Segment};
 use super::size::Proportions;
 use super::solver::{Kind, Target, Task};
@@ -176,7 +176,6 @@ impl Plan {
         };
         plan.find_floor(correspondence);
         if !correspondence.same_body {
-            hold_flat_feet(source, &plan.stance, &mut plan.corrections);
             plan.level_soles(source);
         }
 
@@ -289,15 +288,15 @@ impl Plan {
         }
     }
 
-    /// Brings the standing soles of these poses to the floor when targets are filled again.
-    pub(super) fn ground_feet(
+    /// Keeps the standing feet of these poses in place and on the floor when targets are filled again.
+    pub(super) fn hold_feet(
         &mut self,
         humanoid: &Humanoid,
         rate_hz: f64,
         poses: impl Iterator<Item = Vec<nalgebra::Isometry3<f64>>>,
     ) {
         if !self.same_body {
-            ground_feet(humanoid, rate_hz, &self.stance, poses, &mut self.corrections);
+            hold_feet(humanoid, rate_hz, &self.stance, poses, &mut self.corrections);
         }
     }
 

@@ -28,7 +28,7 @@ const ESCAPE_GAIN: f64 = 0.5;
 /// and then keeps it for this time, seconds.
 const ESCAPE_PAUSE_SECS: f64 = 0.3;
 const ESCAPE_STEPS: usize = 12;
-const NUM_SWEEPS: usize = 3;
+const NUM_SWEEPS: usize = 4;
 
 /// Solves all frames; returns poses in tree order.
 pub(super) fn track(humanoid: &Humanoid, source: &Source, plan: &mut Plan) -> Vec<Pose> {
@@ -69,7 +69,7 @@ pub(super) fn track(humanoid: &Humanoid, source: &Source, plan: &mut Plan) -> Ve
     }
     for sweep in 0..NUM_SWEEPS {
         let placed = poses.iter().map(|pose| solver.forward(pose).to_vec());
-        plan.ground_feet(humanoid, source.rate_hz, placed);
+        plan.hold_feet(humanoid, source.rate_hz, placed);
         for step in 0..poses.len() {
             let index = if sweep % 2 == 0 { poses.len() - 1 - step } else { step };
             plan.fill(index, &source.frames[index], &mut targets);
