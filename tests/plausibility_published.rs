@@ -399,6 +399,8 @@ fn work_is_torque_times_speed() {
 #[test]
 fn a_foot_on_its_edge_and_a_lost_contact_are_counted() {
     let edge = rollout(|index, sample| {
+        let left = &mut sample.world_from_segment[segment("left_foot")];
+        left.rotation = UnitQuaternion::from_euler_angles(0.0, 5.0_f64.to_radians(), 0.0) * left.rotation;
         if index % 2 == 1 {
             // All load at one side of the left foot.
             sample.contacts.retain(|contact| {

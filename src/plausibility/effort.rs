@@ -15,6 +15,8 @@ const LEAST_WAY_M: f64 = 0.5;
 const KEPT_M: f64 = 0.02;
 /// Largest spread of the points a foot stands on, across, that is an edge, metres.
 const EDGE_M: f64 = 0.015;
+/// Roll from which a foot can be on its edge: a flat sole of a rigid box may bear on one side too, radians.
+const EDGE_ROLL_RAD: f64 = 3.0 * std::f64::consts::PI / 180.0;
 /// Forces below this share of body weight do not make a foot stand.
 const LEAST_LOAD: f64 = 0.05;
 
@@ -108,10 +110,11 @@ pub(super) static EDGE_CONTACT: PerLevel = PerLevel::new(
     "l3/edge_contact",
     Metric {
         title: "edge contact",
-        formula: "share of feet under load (5 % of body weight or more) whose contact points, weighted by force, spread less \
-                  than 15 mm across the foot: it stands on an edge, which engines reward and people avoid",
+        formula: "share of feet under load (5 % of body weight or more) that are rolled by more than 3 degrees and whose contact \
+                  points, weighted by force, spread less than 15 mm across the foot: it stands on an edge, which engines \
+                  reward and people avoid",
         empty: "absent for one sample, a failed rollout, or without a loaded foot",
-        signature: "points:contacts,feet|across:foot-x|spread:15mm|load:5%|v:1",
+        signature: "points:contacts,feet|across:foot-x|spread:15mm|roll:3deg|load:5%|v:1",
         ..SHARED
     },
 );
@@ -230,7 +233,8 @@ impl<'a> Feet<'a> {
                 .sum::<f64>()
                 / force_n;
             // Two equal loads at the ends of a line deviate by half its length.
-            Some(f64::from(2.0 * variance.sqrt() < EDGE_M))
+            let is_rolled = across.z.abs() > EDGE_ROLL_RAD.sin();
+            Some(f64::from(is_rolled && 2.0 * variance.sqrt() < EDGE_M))
         }))
     }
 
