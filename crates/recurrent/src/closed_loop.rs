@@ -163,13 +163,13 @@ impl<T: Number> ClosedLoop<T> {
     ) {
         let plan = &self.plan;
         let frames = plan.frames(step);
-        for layer in 0..packed.len() {
+        for (layer, packed) in packed.iter().enumerate() {
             let (below, above) = self.layers.split_at_mut(layer);
             let heard = match below.last() {
                 Some(below) => Hears::Rows { left: &below.latest, first_row: 0 },
                 None => Hears::Rows { left: &self.inputs, first_row: frames.start },
             };
-            above[0].step(plan, &packed[layer], step, &heard);
+            above[0].step(plan, packed, step, &heard);
         }
         // The layers are not empty: `check` has seen to that.
         let Some(top) = self.layers.last() else { return };

@@ -177,7 +177,7 @@ impl<T: Number> Kernel<T> for Product<'_, '_, T> {
                     let mut block = [sums[0][0]; WIDE * M_MAX];
                     store(&sums, &mut block);
                     for (v, panel) in panels.iter_mut().enumerate() {
-                        let panel = &mut S::vectors_mut(panel)[row..row + M];
+                        let panel = &mut S::vectors_mut(panel)[row..][..M];
                         for (out, sums) in panel.iter_mut().zip(block.chunks_exact(WIDE)) {
                             *out = sums[v];
                         }

@@ -1,5 +1,7 @@
 //! Fast LSTM sequences of mixed lengths on the CPU, forward and backward.
 
+#![expect(clippy::inline_always, reason = "vector code keeps its instruction set only where it is inlined")]
+
 mod closed_loop;
 mod kernel;
 mod lanes;

@@ -58,6 +58,7 @@ impl<T> DerefMut for Buffer<T> {
 
 /// A matrix in panels; columns beyond the last are zero.
 #[derive(Debug, Clone)]
+#[expect(clippy::struct_field_names, reason = "a matrix in panels consists of panels")]
 pub(crate) struct Panels<T> {
     pub(crate) panels: Vec<Buffer<T>>,
     /// Columns in a panel.
