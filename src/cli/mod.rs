@@ -89,8 +89,6 @@ enum Verb {
     Residuals(residuals::ResidualsArgs),
     /// Put faults into clean motions and see which metric sees which; exit code 1 when a required answer is missing
     Canaries(canaries::CanariesArgs),
-    /// Check that this machine and build can be trusted
-    Doctor(doctor::DoctorArgs),
 }
 
 /// Runs `eval-sim` with the arguments of the process.
