@@ -13,6 +13,7 @@ use crate::lint::{CHECKS, Severity, findings_json, findings_junit, findings_text
 use crate::manifest::write_file;
 
 #[derive(Debug, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag")]
 pub(super) struct LintArgs {
     /// Motions: a file, a folder, a zip in the KIT-ML layout or a manifest; the bundled suite when absent
     #[arg(value_name = "PATH")]

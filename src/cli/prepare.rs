@@ -24,6 +24,7 @@ const MAX_SHOWN: usize = 10;
 
 /// Arguments of a preparation. What is not given comes from `--config`, and from the paper where that is silent.
 #[derive(Debug, Default, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag")]
 pub(super) struct PrepareArgs {
     /// Motions: a folder or zip in the KIT-ML layout, a manifest or a file; may be given several times
     #[arg(long, value_name = "PATH")]
@@ -32,7 +33,7 @@ pub(super) struct PrepareArgs {
     /// of their ids, the rest is learned from without motions; may be given several times
     #[arg(long, value_name = "PATH")]
     pub captions: Vec<PathBuf>,
-    /// Pretrained word vectors: word2vec .bin, GloVe or fastText text, also .gz
+    /// Pretrained word vectors: word2vec .bin, `GloVe` or fastText text, also .gz
     #[arg(long, value_name = "FILE")]
     pub vectors: Option<PathBuf>,
     /// Folder to write

@@ -80,7 +80,7 @@ impl CaptionFile {
         let unreadable = |reason: String| DatasetError::Unreadable { path: path.to_owned(), reason };
         let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
         let mut file = Self::default();
-        if path.is_dir() || name.ends_with(".zip") {
+        if path.is_dir() || path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("zip")) {
             file = Dataset::annotations(path)?;
         } else {
             let opened = std::fs::File::open(path).map_err(io_error)?;

@@ -49,7 +49,9 @@ impl PreparedSet {
         }
         for places in [&self.non_paired_motions, &self.non_paired_captions] {
             feed.count(places.len());
-            places.iter().for_each(|place| feed.count(*place));
+            for place in places {
+                feed.count(*place);
+            }
         }
         for pairs in [&self.paired, &self.validation, &self.test] {
             feed.count(pairs.len());
@@ -87,7 +89,9 @@ impl Feed {
 
     fn floats(&mut self, values: &[f64]) {
         self.count(values.len());
-        values.iter().for_each(|value| self.float(*value));
+        for value in values {
+            self.float(*value);
+        }
     }
 
     fn singles(&mut self, values: &[f32]) {

@@ -75,9 +75,9 @@ pub(super) fn split_by_files(lists: &[(Split, PathBuf)]) -> Result<BTreeMap<Stri
 }
 
 fn read_list(path: &Path) -> Result<String, SplitError> {
-    let io_error = |source| SplitError::Io { path: path.to_owned(), source };
     // A list of a million ids is smaller than this.
     const MAX_BYTES: u64 = 64 << 20;
+    let io_error = |source| SplitError::Io { path: path.to_owned(), source };
     if std::fs::metadata(path).map_err(io_error)?.len() > MAX_BYTES {
         return Err(io_error(std::io::Error::other(format!("larger than {MAX_BYTES} bytes"))));
     }

@@ -63,7 +63,7 @@ impl TokenRule {
         words
     }
 
-    fn cut_piece(&self, piece: &str, words: &mut Vec<String>) {
+    fn cut_piece(self, piece: &str, words: &mut Vec<String>) {
         let mut word = String::new();
         let mut before = None;
         let mut rest = piece.chars().peekable();
@@ -86,7 +86,7 @@ impl TokenRule {
         self.push_word(&word, words);
     }
 
-    fn push_word(&self, word: &str, words: &mut Vec<String>) {
+    fn push_word(self, word: &str, words: &mut Vec<String>) {
         // Quotes around a word are marks; a single one before a year or such stays.
         let mut word = word;
         if let Some(inner) = word.strip_prefix('\'').and_then(|rest| rest.strip_suffix('\'')) {
@@ -104,7 +104,7 @@ impl TokenRule {
     }
 
     /// A word without marks around it.
-    fn push_whole(&self, word: &str, words: &mut Vec<String>) {
+    fn push_whole(self, word: &str, words: &mut Vec<String>) {
         if word.is_empty() || (!self.punctuation && !word.contains(char::is_alphanumeric)) {
             return;
         }

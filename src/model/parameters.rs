@@ -10,9 +10,9 @@ use super::Rprae;
 /// Which update a weight belongs to (Algorithm 1).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Part {
-    /// theta_ret: the retrofit layer, with the vectors of words that come without one.
+    /// `theta_ret`: the retrofit layer, with the vectors of words that come without one.
     Retrofit,
-    /// theta_rae: both autoencoders.
+    /// `theta_rae`: both autoencoders.
     Rae,
     /// The length head, which the paper does not have.
     Length,

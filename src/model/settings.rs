@@ -131,6 +131,7 @@ impl InvalidSetting {
     ///
     /// # Errors
     /// The error, when the value does not hold.
+    #[expect(clippy::needless_pass_by_value, reason = "a number or a text, given as it is")]
     pub fn unless(
         holds: bool,
         name: &'static str,

@@ -1,4 +1,4 @@
-//! Event files that TensorBoard plots.
+//! Event files that `TensorBoard` plots.
 //!
 //! A file is a row of records: length (u64, little endian), its masked CRC-32C, the bytes, their masked CRC-32C. The bytes
 //! are a protocol buffer `Event { 1: wall_time double, 2: step int64, 3: file_version string, 5: summary { 1: value {

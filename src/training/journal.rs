@@ -10,7 +10,7 @@ use super::record::{Iteration, Line, Validation};
 
 /// Name of the metrics.
 pub const METRICS_FILE: &str = "metrics.jsonl";
-/// Name of the event file; TensorBoard finds files by `tfevents` in their name.
+/// Name of the event file; `TensorBoard` finds files by `tfevents` in their name.
 pub const EVENTS_FILE: &str = "events.out.tfevents.rprae";
 
 pub(super) struct Journal {

@@ -127,7 +127,9 @@ fn norms(gradients: &BTreeMap<String, Tensor<1>>) -> BTreeMap<Part, f64> {
     for (name, square) in gradients.keys().zip(squares) {
         *norms.entry(Part::of(name)).or_insert(0.0) += square;
     }
-    norms.values_mut().for_each(|norm| *norm = f64::sqrt(*norm));
+    for norm in norms.values_mut() {
+        *norm = f64::sqrt(*norm);
+    }
     norms
 }
 

@@ -19,9 +19,9 @@ pub enum Stage {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Phase {
-    /// theta_ret.
+    /// `theta_ret`.
     Retrofit,
-    /// theta_rae.
+    /// `theta_rae`.
     Rae,
     /// Both, where the settings ask for no alternation.
     Both,

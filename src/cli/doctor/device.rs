@@ -67,7 +67,7 @@ fn memory() -> Option<String> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let gib = |key: &str| -> Option<f64> {
         let line = text.lines().find(|line| line.starts_with(key))?;
-        Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / (1 << 20) as f64)
+        Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / f64::from(1 << 20))
     };
     Some(format!("{:.1} GiB, {:.1} GiB of it free", gib("MemTotal:")?, gib("MemAvailable:")?))
 }

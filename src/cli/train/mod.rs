@@ -2,6 +2,7 @@
 
 mod display;
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
@@ -199,8 +200,9 @@ fn summary(trained: &Trained, best: Option<&Validation>, bundle: &Path, curves: 
         trained.done, trained.iteration
     );
     if let Some(found) = best {
-        text.push_str(&format!("validation: {}\n", told(found)));
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "validation: {}", told(found));
     }
-    text.push_str(&format!("model   {}\ncurves  {}\n", bundle.display(), curves.display()));
+    let _ = writeln!(text, "model   {}\ncurves  {}", bundle.display(), curves.display());
     text
 }

@@ -10,6 +10,7 @@
 mod codec;
 mod store;
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -161,16 +162,17 @@ impl Dataset {
 
     /// Changes whenever anything the entry's sample depends on may have changed.
     fn key(&self, entry: &Entry) -> String {
+        // Writing to a string cannot fail.
         let mut text =
             format!("{VERSION}|{READERS}|{:?}|{entry:?}|{:?}", self.options, self.files.stamp(&entry.name));
         if let Captions::File(name) = &entry.captions {
-            text.push_str(&format!("|{:?}", self.files.stamp(name)));
+            let _ = write!(text, "|{:?}", self.files.stamp(name));
         }
         if let Some(name) = &entry.skeleton {
-            text.push_str(&format!("|{:?}", self.files.stamp(name)));
+            let _ = write!(text, "|{:?}", self.files.stamp(name));
         }
         if let Some(skeleton) = &self.skeleton {
-            text.push_str(&format!("|{skeleton:?}"));
+            let _ = write!(text, "|{skeleton:?}");
         }
         sha256_hex(text.as_bytes())[..32].to_owned()
     }

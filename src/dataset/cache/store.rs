@@ -72,6 +72,7 @@ impl Store {
     }
 
     /// What is held under a key; the outer `None` when nothing is, the inner when the file is damaged there.
+    #[expect(clippy::option_option, reason = "absent and damaged are told apart")]
     pub(super) fn get(&self, key: &str) -> Option<Option<Held>> {
         Some(match self.slots.get(key)? {
             Slot::Skipped { reason } => Some(Err(reason.clone())),

@@ -1,8 +1,8 @@
-//! Pretrained word vectors: word2vec `.bin`, and the text files of GloVe and fastText, each also packed with gzip.
+//! Pretrained word vectors: word2vec `.bin`, and the text files of `GloVe` and fastText, each also packed with gzip.
 //!
 //! In: a file and the words that matter. Out: the vectors of those words that are there.
 //! The file streams through a small buffer, whatever its size, and only the wanted vectors are kept: the 3.6 GB of
-//! GoogleNews need some megabytes of memory. Words are looked up exactly as they are spelled.
+//! `GoogleNews` need some megabytes of memory. Words are looked up exactly as they are spelled.
 
 mod binary;
 mod text;
@@ -20,7 +20,7 @@ const MAX_DIMENSIONS: usize = 4096;
 /// Most words a header may announce.
 const MAX_WORDS: u64 = 200_000_000;
 
-/// Longest word, bytes; GoogleNews has phrases of about 100.
+/// Longest word, bytes; `GoogleNews` has phrases of about 100.
 const MAX_WORD_BYTES: usize = 2000;
 
 /// Largest accepted ratio of unpacked to packed size; vectors reach about 3.
@@ -56,7 +56,7 @@ pub enum VectorError {
 /// The vectors of the words that were asked for.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct WordVectors {
-    /// Numbers in each vector; 300 for GoogleNews.
+    /// Numbers in each vector; 300 for `GoogleNews`.
     pub dimensions: usize,
     /// Vectors by word, each `dimensions` long and finite.
     pub vectors: BTreeMap<String, Vec<f32>>,

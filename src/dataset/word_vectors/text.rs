@@ -1,6 +1,6 @@
-//! The text layouts: a word and its numbers on each line, with (fastText) or without (GloVe) a header `N D`.
+//! The text layouts: a word and its numbers on each line, with (fastText) or without (`GloVe`) a header `N D`.
 //!
-//! A word may contain spaces, as some of GloVe's do: the last D fields are the numbers.
+//! A word may contain spaces, as some of `GloVe`'s do: the last D fields are the numbers.
 
 use std::collections::BTreeSet;
 use std::io::BufRead;
@@ -35,20 +35,17 @@ pub(super) fn read(
         if line.len() > MAX_LINE_BYTES {
             return Err(Stop::Layout(format!("line {number} has more than {MAX_LINE_BYTES} bytes")));
         }
-        match entry(&line, dimensions, wanted) {
-            Some((word, vector)) => {
-                read.num_words += 1;
-                if let Some(vector) = vector {
-                    read.vectors.entry(word.to_owned()).or_insert(vector);
-                }
+        if let Some((word, vector)) = entry(&line, dimensions, wanted) {
+            read.num_words += 1;
+            if let Some(vector) = vector {
+                read.vectors.entry(word.to_owned()).or_insert(vector);
             }
-            None => {
-                num_odd += 1;
-                first_odd.get_or_insert(number);
-                if too_odd(num_odd, number) {
-                    let reason = format!("line {number}: expected a word and {dimensions} numbers");
-                    return Err(Stop::Layout(reason));
-                }
+        } else {
+            num_odd += 1;
+            first_odd.get_or_insert(number);
+            if too_odd(num_odd, number) {
+                let reason = format!("line {number}: expected a word and {dimensions} numbers");
+                return Err(Stop::Layout(reason));
             }
         }
         line.clear();

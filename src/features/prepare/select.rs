@@ -195,7 +195,8 @@ fn assemble(
         split,
     };
     let (mut motions, mut captions) = (Vec::new(), Vec::new());
-    let (mut pairs, mut keys): (BTreeMap<Split, Vec<Pair>>, Vec<([u8; 32], Pair)>) = Default::default();
+    let mut pairs: BTreeMap<Split, Vec<Pair>> = BTreeMap::new();
+    let mut keys: Vec<([u8; 32], Pair)> = Vec::new();
     let mut extra_motions = Vec::new();
     for (motion, split, described) in kept {
         let place = motions.len();

@@ -19,7 +19,7 @@ pub struct PrepareSettings {
     pub min_secs: f64,
     /// Longest motion kept, seconds. Default 30: the paper's 3000 steps at 100 Hz, whatever the rate.
     pub max_secs: f64,
-    /// Words that need no pretrained vector; theirs is trained. Default `a`, `and`, `of`, `to`, which GoogleNews lacks.
+    /// Words that need no pretrained vector; theirs is trained. Default `a`, `and`, `of`, `to`, which `GoogleNews` lacks.
     pub special_words: Vec<String>,
     /// Punctuation marks and words with digits need no pretrained vector either. Default true.
     pub special_marks: bool,

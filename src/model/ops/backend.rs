@@ -12,7 +12,10 @@ use super::Direction;
 pub trait RecurrentOps: Backend {
     /// A layer over known inputs. `[batch, columns]`: hidden states `[time, hidden]` of each sequence if `outputs`, then its
     /// last hidden state and cell.
-    #[expect(clippy::too_many_arguments, reason = "the dispatch takes tensors one by one")]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "the dispatch takes tensors one by one, here and in what it expands to"
+    )]
     fn recurrent_sequence(
         input: FloatTensor<Self>,
         hidden: FloatTensor<Self>,

@@ -161,7 +161,7 @@ fn with_decoder<R>(
     words: bool,
     run: impl FnOnce(&[f32], &[(&[f32], &[f32])], &Decoder<'_, f32>) -> R,
 ) -> R {
-    let (layers, states): (Vec<_>, Vec<(&[f32], &[f32])>) = inputs[3..]
+    let (layers, states): (Vec<_>, Vec<_>) = inputs[3..]
         .as_chunks::<5>()
         .0
         .iter()

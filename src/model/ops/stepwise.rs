@@ -12,6 +12,7 @@ use super::Direction;
 use super::backend::{SequenceInputs, SequenceTask};
 
 /// The numbers of a cell at one step, `[row, ...]`.
+#[expect(clippy::struct_field_names, reason = "the cell of a cell is its cell")]
 pub struct Cell<B: Backend> {
     /// Activated gates `[row, 4 * hidden]`.
     pub gates: FloatTensor<B>,
@@ -186,6 +187,7 @@ impl<B: Pointwise> Back<B> {
         let have = self.running.as_ref().map_or(0, |(hidden, _)| hidden.shape()[0]);
         let (mut hidden, mut cell): (Vec<_>, Vec<_>) = self.running.take().into_iter().unzip();
         if count > have || (count == 0 && have == 0) {
+            #[expect(clippy::single_match_else, reason = "two ways of the same length")]
             let (new_hidden, new_cell) = match &self.last {
                 Some((hidden, cell)) => {
                     (rows::<B>(hidden.clone(), have, count), rows::<B>(cell.clone(), have, count))
@@ -288,6 +290,7 @@ pub fn sequence_forward<B: Pointwise>(
 }
 
 /// See [`super::backend::RecurrentBackend::sequence_backward`].
+#[expect(clippy::needless_pass_by_value, reason = "tensors are handed on")]
 pub fn sequence_backward<B: Pointwise>(
     way: SequenceWay<B>,
     inputs: SequenceInputs<B>,
@@ -352,6 +355,7 @@ fn own<B: Backend>(inputs: &[FloatTensor<B>], layer: usize) -> &[FloatTensor<B>]
 }
 
 /// See [`super::backend::RecurrentBackend::closed_loop_forward`].
+#[expect(clippy::needless_pass_by_value, reason = "tensors are handed on")]
 pub fn closed_loop_forward<B: Pointwise>(
     inputs: Vec<FloatTensor<B>>,
     lengths: &[usize],
@@ -499,6 +503,7 @@ pub fn closed_loop_backward<B: Pointwise>(
 }
 
 /// Rows of the first step in the caller's order, zeros for empty sequences.
+#[expect(clippy::needless_pass_by_value, reason = "tensors are handed on")]
 fn rows_to_batch<B: Backend>(plan: &Plan, first: FloatTensor<B>) -> FloatTensor<B> {
     let (have, columns) = (first.shape()[0], first.shape()[1]);
     let mut all = vec![first.clone()];

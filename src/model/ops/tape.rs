@@ -1,5 +1,7 @@
 //! Recurrences on a tape: one node each, whatever the number of steps.
 
+#![expect(clippy::redundant_closure_for_method_calls, reason = "the path of the method is not public")]
+
 use std::sync::Arc;
 
 use burn::backend::Autodiff;
