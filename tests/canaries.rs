@@ -2,8 +2,6 @@
 //!
 //! Minutes long without optimisation; recorded motions join in where `RPRAE_DATA` names a folder with them.
 
-#![expect(clippy::unwrap_used, reason = "a test may panic")]
-
 use std::path::Path;
 
 use rprae::canaries::{Clip, Fault, Report, run};

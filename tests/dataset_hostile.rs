@@ -113,9 +113,10 @@ fn names_that_leave_the_archive_or_come_twice_are_told() {
 
 #[test]
 fn captions_of_any_kind_leave_the_motion_alone() {
+    type Case<'a> = (&'a str, &'a [u8], &'a [&'a str], Option<&'a str>);
     let folder = tempfile::tempdir().unwrap();
     let long = format!("[\"{}\", \"kept\"]", "word ".repeat(2_000_000));
-    let cases: [(&str, &[u8], &[&str], Option<&str>); 6] = [
+    let cases: [Case<'_>; 6] = [
         ("00001", b"[]", &[], None),
         ("00002", b"[\"\", \"kept\"]", &["kept"], Some("empty captions left out: 1")),
         ("00003", long.as_bytes(), &["kept"], Some("more than 2000 characters left out: 1")),

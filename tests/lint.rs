@@ -197,10 +197,8 @@ fn swapped_sides_are_told() {
 #[test]
 fn feet_on_the_wrong_sides_are_told() {
     let findings = changed(|_, frame| {
-        for (left, right) in [("LHy", "RHy")] {
-            frame.joint_angles_rad[index(left)] = -0.34;
-            frame.joint_angles_rad[index(right)] = 0.34;
-        }
+        frame.joint_angles_rad[index("LHy")] = -0.34;
+        frame.joint_angles_rad[index("RHy")] = 0.34;
     });
     let sides: Vec<Finding> = findings.into_iter().filter(|finding| finding.code == "left-right").collect();
     only(&sides, "left-right", Severity::Warning, "feet the left foot is to the right");

@@ -1,7 +1,5 @@
 //! Motion capture files that lie: each gets one clear line with the place, and nothing crashes or hangs.
 
-#![expect(clippy::unwrap_used, reason = "a test that is surprised should stop at once")]
-
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use rprae::mocap::{PositionOrder, read_amc, read_asf, read_bvh};

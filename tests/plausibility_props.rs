@@ -2,6 +2,8 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may panic")]
 
+use std::f64::consts::FRAC_PI_2;
+
 use std::path::Path;
 use std::sync::LazyLock;
 
@@ -52,7 +54,7 @@ fn only(found: &[PropSupport], prop: Prop) -> PropSupport {
 fn sitting_without_a_chair_is_held_by_one() {
     let found = supports(|_, frame| {
         // Thighs level, shanks upright, soles on the floor in front.
-        set(frame, &[("Hx", 1.5708), ("Kx", -1.5708)]);
+        set(frame, &[("Hx", FRAC_PI_2), ("Kx", -FRAC_PI_2)]);
         frame.root_position_m[2] = (0.246 + 0.039) * BODY.height_m;
     });
     let seat = only(&found, Prop::Seat);

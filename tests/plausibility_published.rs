@@ -256,7 +256,9 @@ fn rollout(change: impl Fn(usize, &mut RolloutSample)) -> Scores {
 }
 
 fn move_all(poses: &mut [Isometry3<f64>], by: &Isometry3<f64>) {
-    poses.iter_mut().for_each(|pose| *pose = by * *pose);
+    for pose in poses {
+        *pose = by * *pose;
+    }
 }
 
 #[test]

@@ -160,5 +160,5 @@ fn the_published_vectors_load() {
     assert_eq!((read.num_words, read.dimensions), (31_530, 300));
     assert!(read.warnings.is_empty(), "{:?}", read.warnings);
     assert_eq!(read.vectors.keys().collect::<Vec<_>>(), ["in", "walk"]);
-    assert_eq!(read.vectors["in"][..3], [0.0703125, 0.0869140625, 0.087890625]);
+    assert_eq!(read.vectors["in"][..3], [0.0703125, 0.086_914_06, 0.087890625]);
 }

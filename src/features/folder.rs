@@ -361,8 +361,8 @@ mod tests {
 
     #[test]
     fn sets_that_do_not_hold_together_are_not_saved() {
-        let folder = tempfile::tempdir().unwrap();
         type Change = fn(&mut PreparedSet);
+        let folder = tempfile::tempdir().unwrap();
         let changes: [(&str, Change); 12] = [
             ("rate_hz", |set| set.rate_hz = f64::NAN),
             ("normalizer", |set| set.normalizer.minimum.truncate(49)),

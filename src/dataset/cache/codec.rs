@@ -146,7 +146,7 @@ mod tests {
         fn printed_decimals_take_four_bytes_and_keep_their_bits(digits in prop::collection::vec((-999_999_i32..=999_999, 0_usize..9), 50)) {
             let value = |channel: usize| {
                 let (digits, decimals) = digits[channel];
-                let printed = format!("{}e-{decimals}", digits);
+                let printed = format!("{digits}e-{decimals}");
                 let value: f64 = printed.parse().unwrap();
                 if is_position(channel) { value * METRES_PER_MILLIMETRE } else { value }
             };
