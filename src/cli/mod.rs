@@ -118,7 +118,6 @@ pub fn rprae() -> ExitCode {
         Verb::Metrics(args) => metrics::run(&args),
         Verb::Residuals(args) => residuals::run(&args),
         Verb::Canaries(args) => canaries::run(&args),
-        Verb::Doctor(args) => doctor::run(&args),
     })
 }
 
