@@ -235,7 +235,10 @@ mod tests {
             let mut expected = here[index].translation.vector;
             expected.x = -expected.x;
             let found = there[twin].translation.vector;
-            assert!((found - expected).norm() < 1e-6, "{}: {found} instead of {expected}", link.name);
+            // The published body itself has both midfeet 1 mm to the same side of their ankles.
+            let in_foot = ["midfoot", "toes"].iter().any(|part| link.name.ends_with(part));
+            let tolerance_m = if in_foot { 0.0025 } else { 1e-6 };
+            assert!((found - expected).norm() < tolerance_m, "{}: {found} instead of {expected}", link.name);
         }
         let twice = Fault::Mirror.inject(&mirrored, 0).unwrap();
         assert_eq!(twice, clean);

@@ -15,9 +15,9 @@ use super::backend::{
     Layer, RecurrentBackend, RecurrentOps, SequenceInputs, SequenceTask, Stack, closed_loop_inputs,
 };
 
-/// Tensors in one piece, so that they can be read as slices.
+/// Tensors that own their numbers in one piece, so that their storage is the tensor: a part of one row is in one piece too.
 fn contiguous<const N: usize>(tensors: [FlexTensor; N]) -> [FlexTensor; N] {
-    tensors.map(|tensor| if tensor.is_contiguous() { tensor } else { tensor.to_contiguous() })
+    tensors.map(|tensor| tensor.to_contiguous())
 }
 
 fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D]) -> FlexTensor {
