@@ -214,8 +214,9 @@ impl<'a> Search<'a> {
             if !seat.is_empty() {
                 findings.extend(finding(Prop::Seat, size(&[], &seat)));
             }
+            // Hands hang beside a seat; they are asked only where no seat is the reason.
             let hands = self.reaching_hands(frame, &off_feet);
-            if !hands.is_empty() {
+            if findings.is_empty() && !hands.is_empty() {
                 findings.extend(finding(Prop::Hand, size(&[], &hands)));
             }
         }
