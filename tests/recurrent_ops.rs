@@ -13,7 +13,9 @@ fn numbers<const D: usize>(seed: usize, shape: [usize; D], scale: f32, device: &
     let count = shape.iter().product();
     let values: Vec<f32> =
         (1..=count).map(|place| (place as f32 * (seed as f32 + 0.5) * 0.7).sin() * scale).collect();
-    Tensor::from_data(TensorData::new(values, shape), device).require_grad()
+    let tensor = Tensor::from_data(TensorData::new(values, shape), device);
+    // Gradients exist on devices with a tape only.
+    if device.is_autodiff() { tensor.require_grad() } else { tensor }
 }
 
 fn weights(seed: usize, feature: usize, hidden: usize, device: &Device) -> LstmWeights {
