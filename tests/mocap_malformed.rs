@@ -47,7 +47,7 @@ fn bvh_faults_are_named_with_their_line() {
         (change("0.0333333", "0"), "line 18: the frame time is 0"),
         (change("0.0333333", "-1"), "the frame time is -1"),
         (change("MOTION", "ROOT second\n{\n}\nMOTION"), "a second ROOT"),
-        (BVH[..180].to_owned(), "truncated"),
+        (BVH[..180].to_owned(), "line 10: found \"En\", expected"),
         (
             change("CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation", "")
                 .replace("CHANNELS 1 Xrotation", ""),

@@ -82,9 +82,10 @@ fn through_positions(motion: &Motion) -> Retargeted {
 }
 
 /// Joints that positions determine, with what makes their pose singular: an arm or leg along its first axis's twin.
-const DETERMINED: [&str; 22] = [
+/// The two joints of the neck share a bend that the head's position does not tell apart, so they are not among these.
+const DETERMINED: [&str; 20] = [
     "LHx", "LHy", "RHx", "RHy", "LHz", "RHz", "LKx", "RKx", "LSx", "LSy", "LSz", "RSx", "RSy", "RSz", "LEx",
-    "REx", "BPx", "BPy", "BTx", "BTy", "BLNx", "BLNy",
+    "REx", "BPx", "BPy", "BTx", "BTy",
 ];
 
 /// Median absolute difference over the frames in which the joint is not near a singular pose, degrees.
