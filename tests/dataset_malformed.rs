@@ -240,7 +240,11 @@ fn every_fault_of_a_table_is_named() {
         ("a.csv", row("20").into_bytes(), "degrees"),
         ("a.npy", Vec::new(), "not an .npy array"),
         ("a.npy", npy(&header("(0, 50)"), b""), "the motion has no frames"),
-        ("a.npy", npy(&header("(10, 263)"), &[0; 8 * 2630]), "expected frames x 50 (or joint positions, frames x 21 x 3 or frames x 22 x 3), found 10 x 263"),
+        (
+            "a.npy",
+            npy(&header("(10, 263)"), &[0; 8 * 2630]),
+            "expected frames x 50 (or joint positions, frames x 21 x 3 or frames x 22 x 3), found 10 x 263",
+        ),
         ("a.npy", npy(&header("(1000000000, 50)"), &[0; 80]), "it is truncated"),
         ("a.npy", npy(&header("(1, 50)"), &f64::NAN.to_le_bytes().repeat(50)), "frame 0: BLNx_joint is NaN"),
         ("a.npy", npy(&"{".repeat(50_000), b""), "its header is not that of a plain array"),
