@@ -1,10 +1,10 @@
-//! A training iteration of the action autoencoder at paper size, beside PyTorch.
+//! A training iteration of the action autoencoder at paper size, beside `PyTorch`.
 //!
 //! `cargo bench --bench recurrent` alternates both programs in one run and prints medians and their ratios.
 //! Both sides do forward, mean squared error over valid frames, backward and a step of Adam on 80 motions of 50 channels: LSTM
 //! 50 -> 500, linear 500 -> 500, three LSTM layers 50 -> 500 -> 500 -> 500, linear 500 -> 50 with tanh. Our decoder hears its own
-//! output, a closed loop; PyTorch's fused layers cannot do that and hear the true frame before, which is the same arithmetic.
-//! PyTorch also runs a closed loop of `LSTMCell` steps.
+//! output, a closed loop; `PyTorch`'s fused layers cannot do that and hear the true frame before, which is the same arithmetic.
+//! `PyTorch` also runs a closed loop of `LSTMCell` steps.
 //!
 //! Two workloads: all motions 100 frames long, and lengths as in the KIT Motion-Language Dataset at 10 Hz, clipped to 10..=300.
 //! The lengths come from `$RPRAE_DATA/kit-ml/captions/kitml-index.tsv`; without it from a log-normal distribution with the same
@@ -102,7 +102,7 @@ impl Actions {
     }
 }
 
-/// PyTorch, waiting for requests.
+/// `PyTorch`, waiting for requests.
 struct Peer {
     process: Child,
     answers: BufReader<ChildStdout>,
@@ -179,21 +179,18 @@ fn kit_lengths() -> Vec<usize> {
     // Every so many-th motion in the order of the golden ratio: spread over the whole list, and the same in every run.
     let place =
         |index: usize, count: usize| ((index as f64 * 0.618_033_988_75).fract() * count as f64) as usize;
-    match known {
-        Some(durations) => {
-            println!("lengths: {BATCH} of {} captioned KIT motions", durations.len());
-            (0..BATCH).map(|index| clip(durations[place(index, durations.len())] * 10.0)).collect()
-        }
-        None => {
-            println!("lengths: log-normal, since RPRAE_DATA has no kit-ml/captions/kitml-index.tsv");
-            (0..BATCH)
-                .map(|index| {
-                    let share = (index as f64 + 0.5) / BATCH as f64;
-                    // The logistic distribution stands in for the normal one: its quantiles have a closed form.
-                    clip(56.0 * ((share / (1.0 - share)).ln() * 0.327).exp())
-                })
-                .collect()
-        }
+    if let Some(durations) = known {
+        println!("lengths: {BATCH} of {} captioned KIT motions", durations.len());
+        (0..BATCH).map(|index| clip(durations[place(index, durations.len())] * 10.0)).collect()
+    } else {
+        println!("lengths: log-normal, since RPRAE_DATA has no kit-ml/captions/kitml-index.tsv");
+        (0..BATCH)
+            .map(|index| {
+                let share = (index as f64 + 0.5) / BATCH as f64;
+                // The logistic distribution stands in for the normal one: its quantiles have a closed form.
+                clip(56.0 * ((share / (1.0 - share)).ln() * 0.327).exp())
+            })
+            .collect()
     }
 }
 
