@@ -108,7 +108,7 @@ fn compare(
     ratios.sort_by(f64::total_cmp);
     let middle = if ratios.is_empty() { f64::NAN } else { median(&mut ratios) };
     let ratio = match ratios.as_slice() {
-        [lowest, .., highest] => format!("{:.2} ({lowest:.2}..{highest:.2})", middle),
+        [lowest, .., highest] => format!("{middle:.2} ({lowest:.2}..{highest:.2})"),
         _ => "-".to_owned(),
     };
     let peer_speed = if theirs.is_empty() { "-".to_owned() } else { format!("{:.0}", median(&mut theirs)) };
