@@ -34,8 +34,8 @@ pub mod retargeting;
 mod table;
 mod wilson;
 
-pub use aggregate::{Aggregate, Interval, aggregate};
 pub(crate) use aggregate::quantile;
+pub use aggregate::{Aggregate, Interval, aggregate};
 pub use case::{CaseResult, LevelResult, MetricRecord};
 pub use chart::{Chart, Panel, Point, Series};
 pub use csv::scores_csv;
