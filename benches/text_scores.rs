@@ -1,4 +1,4 @@
-//! Corpus BLEU beside sacrebleu and BERTScore beside bert_score, from strings to the score of the corpus.
+//! Corpus BLEU beside sacrebleu and BERTScore beside `bert_score`, from strings to the score of the corpus.
 //!
 //! `cargo bench --bench text_scores` makes captions of the usual length, scores them on both sides in turn, and prints the
 //! ratio of medians. Both sides take the same number of threads, `RPRAE_THREADS` (default 2).
@@ -93,7 +93,7 @@ fn bert_score_f(encoder: &Encoder, corpus: &Corpus) -> Result<f64, Box<dyn Error
         .map(|segment| {
             let hypothesis = next.next().ok_or("no vectors")?;
             let references = next.by_ref().take(segment.references.len()).map(|tokens| &**tokens).collect();
-            Ok(EmbeddedSegment { hypothesis: &**hypothesis, references })
+            Ok(EmbeddedSegment { hypothesis, references })
         })
         .collect::<Result<Vec<_>, Box<dyn Error>>>()?;
     let [.., f] = BertScore::default().measure(&segments);
@@ -137,7 +137,7 @@ fn captions(num: usize) -> Result<Corpus, Box<dyn Error>> {
         .map(|index| Segment {
             id: index.to_string(),
             hypothesis: sentence(),
-            references: (0..1 + index % 3).map(|_| sentence()).collect(),
+            references: (0..=(index % 3)).map(|_| sentence()).collect(),
         })
         .collect();
     Ok(Corpus::new(segments)?)

@@ -176,7 +176,7 @@ fn memory_is_flat_over_two_thousand_iterations() {
     };
     let run = RunFolder::open(folder.path(), &settings, &facts, Begin::New).unwrap();
     let mut memory = Vec::new();
-    training::train(&set, &settings, &model::cpu().device, &run, &mut |event| {
+    training::train(&set, &settings, &model::cpu().device, &run, None, &mut |event| {
         if let Event::Iterated(found) = event
             && found.iteration.is_multiple_of(250)
         {

@@ -6,7 +6,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use super::batch::{MotionBatch, packed};
 use super::feed::Feed;
 use super::layer::{Linear, Lstm};
-use super::ops::{Direction, LstmWeights, lstm_closed_loop, lstm_sequence};
+use super::ops::{Direction, LstmWeights, lstm_closed_loop, lstm_last_state, lstm_sequence};
 use super::rae::Bottleneck;
 use super::{Draws, ModelSettings};
 use crate::motion::NUM_CHANNELS;
@@ -39,7 +39,7 @@ impl ActionRae {
     /// Latents of motions, `[batch, latent]`.
     #[must_use]
     pub fn encode(&self, batch: &MotionBatch) -> Tensor<2> {
-        let (_, state) = lstm_sequence(
+        let state = lstm_last_state(
             batch.frames.clone(),
             &batch.lengths,
             None,

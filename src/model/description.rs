@@ -6,7 +6,7 @@ use burn::tensor::{Device, Tensor, activation};
 use super::batch::{CaptionBatch, flat_words, indices, packed};
 use super::feed::Feed;
 use super::layer::{Linear, Lstm};
-use super::ops::{Direction, LstmState, lstm_closed_loop_words, lstm_sequence};
+use super::ops::{Direction, LstmState, lstm_closed_loop_words, lstm_last_state, lstm_sequence};
 use super::rae::Bottleneck;
 use super::{DescriptionFeedback, Draws, ModelSettings};
 use crate::features::{BOS, Vocabulary};
@@ -53,10 +53,9 @@ impl DescriptionRae {
     /// Latents of sentences whose retrofitted words are given, `[batch, time, dimension]` to `[batch, latent]`.
     #[must_use]
     pub fn encode_vectors(&self, vectors: Tensor<3>, lengths: &[usize]) -> Tensor<2> {
-        let (_, forward) =
-            lstm_sequence(vectors.clone(), lengths, None, &self.forward.weights(), Direction::Forward);
-        let (_, backward) =
-            lstm_sequence(vectors, lengths, None, &self.backward.weights(), Direction::Backward);
+        let forward =
+            lstm_last_state(vectors.clone(), lengths, None, &self.forward.weights(), Direction::Forward);
+        let backward = lstm_last_state(vectors, lengths, None, &self.backward.weights(), Direction::Backward);
         self.bottleneck.latent(vec![forward, backward])
     }
 

@@ -94,7 +94,7 @@ impl ModelSettings {
     pub fn check(&self) -> Result<(), InvalidSetting> {
         let sizes = [
             ("model.action_units", self.action_units, 4096),
-            ("model.action_decoder_layers", self.action_decoder_layers, 16),
+            ("model.action_decoder_layers", self.action_decoder_layers, 3),
             ("model.description_units", self.description_units, 4096),
             ("model.latent", self.latent, 4096),
             ("model.retrofit_units", self.retrofit_units, 4096),

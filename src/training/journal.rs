@@ -44,6 +44,7 @@ impl Journal {
         let mut scalars: Vec<(String, f64)> =
             losses.into_iter().map(|(name, loss)| (format!("validation/{name}"), loss)).collect();
         scalars.push(("validation/m2t_word_accuracy".to_owned(), validation.m2t_word_accuracy));
+        scalars.extend(validation.m2t_score.map(|score| ("validation/m2t_score".to_owned(), score)));
         scalars.push(("validation/t2m_error".to_owned(), validation.t2m_error));
         append(&mut self.events, &events::scalars(validation.iteration, &scalars))?;
         self.line(&Line::Validation(validation.clone()))

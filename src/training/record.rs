@@ -60,6 +60,10 @@ pub struct Validation {
     pub validation: LossValues,
     /// Captions written from motions: share of words that are the reference's at the same place, 0 to 1.
     pub m2t_word_accuracy: f64,
+    /// Score of captions written word by word from all motions against all their captions, if one was asked for;
+    /// `rprae train` asks for corpus BLEU-4, 0 to 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub m2t_score: Option<f64>,
     /// Motions made from captions, as long as the reference: root mean squared error of a channel, normalised units.
     pub t2m_error: f64,
     /// Largest memory the process has used, MiB, where the system tells.

@@ -16,7 +16,7 @@ use super::optimizer::Optimizer;
 use super::plan::{Phase, Plan, Stage};
 use super::record::{Iteration, LossValues, Validation};
 use super::settings::RunSettings;
-use super::validation::validate;
+use super::validation::{CaptionScore, validate};
 use crate::features::PreparedSet;
 use crate::model::{Draws, Feed, Losses, Part, Rprae, load_weights, weights};
 
@@ -54,7 +54,7 @@ pub struct Trained {
     pub done: usize,
 }
 
-/// Trains a model in a folder, from its last checkpoint if it has one.
+/// Trains a model in a folder, from its last checkpoint if it has one; `score` judges captions at every validation.
 ///
 /// # Errors
 /// [`TrainingError`] says what stopped the run; it can be resumed from its last checkpoint.
@@ -63,11 +63,12 @@ pub fn train(
     settings: &RunSettings,
     device: &Device,
     folder: &RunFolder,
+    score: Option<&CaptionScore<'_>>,
     observe: &mut dyn FnMut(Event<'_>),
 ) -> Result<Trained, TrainingError> {
     let plan = Plan::new(&settings.training, set);
     check(set, plan)?;
-    let mut run = Run::open(set, settings, plan, device, folder)?;
+    let mut run = Run::open(set, settings, plan, device, folder, score)?;
     observe(Event::Started { plan, done: run.state.iteration });
     while run.state.iteration < plan.total() {
         if run.is_patience_over() {
@@ -110,6 +111,7 @@ struct Run<'a> {
     batches: Batches<'a>,
     journal: Journal,
     state: State,
+    score: Option<&'a CaptionScore<'a>>,
 }
 
 impl<'a> Run<'a> {
@@ -119,6 +121,7 @@ impl<'a> Run<'a> {
         plan: Plan,
         device: &Device,
         folder: &RunFolder,
+        score: Option<&'a CaptionScore<'a>>,
     ) -> Result<Self, TrainingError> {
         let device = device.clone().autodiff();
         let checkpoints = folder.path.join(CHECKPOINTS);
@@ -159,6 +162,7 @@ impl<'a> Run<'a> {
             batches,
             journal,
             state,
+            score,
         })
     }
 
@@ -248,7 +252,7 @@ impl<'a> Run<'a> {
         observe: &mut dyn FnMut(Event<'_>),
     ) -> Result<bool, TrainingError> {
         let (stage, device) = (self.plan.stage(iteration), self.device.clone().inner());
-        let found = validate(&self.model, self.set, self.settings, &device, iteration, stage);
+        let found = validate(&self.model, self.set, self.settings, &device, (iteration, stage), self.score);
         let Some(found) = found else { return Ok(false) };
         self.journal.validation(&found)?;
         observe(Event::Validated(&found));

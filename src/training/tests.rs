@@ -84,7 +84,7 @@ fn facts(set: &PreparedSet) -> RunFacts {
 fn run_in(path: &Path, settings: &RunSettings, begin: Begin) -> Result<Trained, TrainingError> {
     let set = four_pairs();
     let folder = RunFolder::open(path, settings, &facts(&set), begin)?;
-    train(&set, settings, &Device::flex(), &folder, &mut |_| {})
+    train(&set, settings, &Device::flex(), &folder, None, &mut |_| {})
 }
 
 #[test]
@@ -136,7 +136,7 @@ fn only_the_part_of_the_phase_learns() {
         settings.training.validate_every = 0;
         let set = PreparedSet { validation: Vec::new(), ..four_pairs() };
         let folder = RunFolder::open(&path, &settings, &facts(&set), Begin::New).unwrap();
-        let trained = train(&set, &settings, &Device::flex(), &folder, &mut |_| {}).unwrap();
+        let trained = train(&set, &settings, &Device::flex(), &folder, None, &mut |_| {}).unwrap();
         let after = crate::model::weights(&trained.model);
         before
             .iter()
@@ -161,7 +161,7 @@ fn a_run_that_was_cut_off_ends_like_one_that_was_not() {
         let run_folder = RunFolder::open(&cut, &settings(9, 14), &facts(&set), begin).unwrap();
         // A panic in the middle is as good as a kill: nothing after it runs.
         let result = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
-            train(&set, &settings(9, 14), &Device::flex(), &run_folder, &mut |event| {
+            train(&set, &settings(9, 14), &Device::flex(), &run_folder, None, &mut |event| {
                 if let Event::Iterated(iteration) = event {
                     assert!(iteration.iteration < stop, "cut off here");
                 }

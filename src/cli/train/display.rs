@@ -100,8 +100,9 @@ fn losses(loss: &LossValues) -> String {
 
 /// A validation in a line.
 pub(super) fn told(found: &Validation) -> String {
+    let score = found.m2t_score.map_or_else(String::new, |score| format!(", BLEU-4 {score:.3}"));
     format!(
-        "{}; words right from motions {:.1} %, error of motions from captions {:.3}",
+        "{}; words right from motions {:.1} %{score}, error of motions from captions {:.3}",
         losses(&found.validation),
         100.0 * found.m2t_word_accuracy,
         found.t2m_error

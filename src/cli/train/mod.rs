@@ -10,12 +10,13 @@ use clap::{Args, ValueEnum};
 use self::display::{Display, told};
 use super::exit::{Exit, Failure, OrExit};
 use super::output;
+use crate::evaluation::{Bleu, Corpus, Segment};
 use crate::features::PreparedSet;
 use crate::manifest::{VERSION, write_file};
 use crate::model::{self, Bundle, DeviceChoice, Rprae};
 use crate::training::{
     self, BUNDLE, Begin, Event, Line, METRICS_FILE, Plan, Preset, RunFacts, RunFolder, RunSettings, Trained,
-    TrainingError, Validation,
+    TrainingError, Validation, Written,
 };
 
 /// Arguments of a training run. What is not given comes from `--config`, and from the preset where that is silent.
@@ -132,7 +133,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let metrics = args.out.join(METRICS_FILE);
     let curves = args.out.join("curves.svg");
     let plan = Plan::new(&settings.training, &set);
-    let outcome = training::train(&set, &settings, &selected.device, &folder, &mut |event| {
+    let outcome = training::train(&set, &settings, &selected.device, &folder, Some(&bleu), &mut |event| {
         if let Event::Validated(_) = &event {
             // A picture that cannot be drawn must not stop hours of work; the last one, below, must be.
             let _ = draw(&metrics, &curves, plan);
@@ -151,6 +152,16 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     Bundle::new(&trained.model, &settings.model, &set).save(&bundle, &card).or_failed()?;
     output::print(&summary(&trained, best.as_ref(), &bundle, &curves)).or_failed()?;
     Ok(Exit::Clean)
+}
+
+/// Corpus BLEU-4 of captions against all the captions of their motions, 0 to 1.
+fn bleu(written: Vec<Written>) -> Option<f64> {
+    let segments = written
+        .into_iter()
+        .map(|Written { id, hypothesis, references }| Segment { id, hypothesis, references })
+        .collect();
+    let corpus = Corpus::new(segments).ok()?;
+    Some(Bleu::PAPER.measure(&corpus)[3].score())
 }
 
 /// Defaults, then the preset, then the file, then flags; a resumed run without a file has its own settings.
