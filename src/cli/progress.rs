@@ -9,118 +9,31 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::harness::Progress;
 use crate::report::{CaseResult, shorten};
 
-/// Shows what a run is doing.
-pub(super) struct Display {
+/// Standard error: a bar where a person watches, plain lines where not.
+pub(super) struct Screen {
     quiet: bool,
     /// `None` where nobody watches.
-    bar: Option<ProgressBar>,
-    num_cases: AtomicUsize,
-    num_done: AtomicUsize,
+    pub(super) bar: Option<ProgressBar>,
 }
 
-impl Display {
+impl Screen {
     pub(super) fn new(quiet: bool) -> Self {
         let watched = !quiet && std::io::stderr().is_terminal();
-        Self { quiet, bar: watched.then(bar), num_cases: AtomicUsize::new(0), num_done: AtomicUsize::new(0) }
+        Self { quiet, bar: watched.then(bar) }
     }
 
-    /// Takes note; called from the worker threads.
-    pub(super) fn observe(&self, progress: Progress<'_>) {
-        match progress {
-            Progress::Started { num_cases } => {
-                self.num_cases.store(num_cases, Ordering::Relaxed);
-                if let Some(bar) = &self.bar {
-                    bar.set_length(num_cases as u64);
-                    bar.tick();
-                }
-            }
-            Progress::Finished { case, resumed, secs } => {
-                let what = if resumed {
-                    "already finished".to_owned()
-                } else {
-                    format!("{:.1} s of motion in {secs:.1} s", case.duration_secs)
-                };
-                self.step(&case.id, &what, failure(case));
-            }
-            Progress::Skipped { input } => {
-                self.note(&format!("skipped {}: {}", shorten(&input.id, 40), shorten(&input.reason, 400)));
-            }
+    /// Prints a line, above the bar if there is one.
+    pub(super) fn line(&self, text: &str) {
+        if !self.quiet {
+            self.note(text);
         }
     }
 
-    fn step(&self, id: &str, what: &str, failure: Option<&str>) {
-        let done = 1 + self.num_done.fetch_add(1, Ordering::Relaxed);
-        let id = shorten(id, 40);
-        if let Some(reason) = failure {
-            self.note(&format!("failed {id}: {}", shorten(reason, 400)));
-        }
-        match &self.bar {
-            Some(bar) => {
-                bar.set_message(id);
-                bar.inc(1);
-            }
-            None => self.line(&format!("[{done}/{}] {id}: {what}", self.num_cases.load(Ordering::Relaxed))),
-        }
-    }
-
-    /// What bears on the results is said even when nothing else is.
-    fn note(&self, text: &str) {
+    /// Prints a line that bears on the results, even when nothing else is said.
+    pub(super) fn note(&self, text: &str) {
         match &self.bar {
             Some(bar) => bar.println(text),
             None => eprintln!("{text}"),
-        }
-    }
-
-    fn line(&self, text: &str) {
-        match &self.bar {
-            Some(bar) => bar.println(text),
-            None if self.quiet => {}
-            None => eprintln!("{text}"),
-        }
-    }
-
-    /// Clears the bar.
-    pub(super) fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
-    }
-}
-
-/// Shows how many of how many things of one kind after another are done.
-pub(super) struct Counter {
-    quiet: bool,
-    bar: Option<ProgressBar>,
-    /// Tenths of the current kind that were told in plain lines.
-    told: Mutex<(String, usize)>,
-}
-
-impl Counter {
-    pub(super) fn new(quiet: bool) -> Self {
-        let watched = !quiet && std::io::stderr().is_terminal();
-        Self { quiet, bar: watched.then(bar), told: Mutex::default() }
-    }
-
-    /// Takes note; called from the worker threads.
-    pub(super) fn show(&self, what: &str, done: usize, total: usize) {
-        if let Some(bar) = &self.bar {
-            bar.set_length(total as u64);
-            bar.set_position(done as u64);
-            bar.set_message(shorten(what, 40));
-            return;
-        }
-        // Few things need no telling.
-        if self.quiet || total < 100 {
-            return;
-        }
-        let tenth = 10 * done / total;
-        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
-        if told.0 != what {
-            *told = (what.to_owned(), 0);
-        }
-        if tenth > told.1 {
-            told.1 = tenth;
-            eprintln!("{what}: {done}/{total}");
         }
     }
 
@@ -141,14 +54,115 @@ fn bar() -> ProgressBar {
     }
 }
 
+/// Shows what a run is doing.
+pub(super) struct Display {
+    screen: Screen,
+    num_cases: AtomicUsize,
+    num_done: AtomicUsize,
+}
+
+impl Display {
+    pub(super) fn new(quiet: bool) -> Self {
+        Self { screen: Screen::new(quiet), num_cases: AtomicUsize::new(0), num_done: AtomicUsize::new(0) }
+    }
+
+    /// Takes note; called from the worker threads.
+    pub(super) fn observe(&self, progress: Progress<'_>) {
+        match progress {
+            Progress::Started { num_cases } => {
+                self.num_cases.store(num_cases, Ordering::Relaxed);
+                if let Some(bar) = &self.screen.bar {
+                    bar.set_length(num_cases as u64);
+                    bar.tick();
+                }
+            }
+            Progress::Finished { case, resumed, secs } => {
+                let what = if resumed {
+                    "already finished".to_owned()
+                } else {
+                    format!("{:.1} s of motion in {secs:.1} s", case.duration_secs)
+                };
+                self.step(&case.id, &what, failure(case));
+            }
+            Progress::Skipped { input } => {
+                self.screen.note(&format!(
+                    "skipped {}: {}",
+                    shorten(&input.id, 40),
+                    shorten(&input.reason, 400)
+                ));
+            }
+        }
+    }
+
+    fn step(&self, id: &str, what: &str, failure: Option<&str>) {
+        let done = 1 + self.num_done.fetch_add(1, Ordering::Relaxed);
+        let id = shorten(id, 40);
+        if let Some(reason) = failure {
+            self.screen.note(&format!("failed {id}: {}", shorten(reason, 400)));
+        }
+        if let Some(bar) = &self.screen.bar {
+            bar.set_message(id);
+            bar.inc(1);
+        } else {
+            let num_cases = self.num_cases.load(Ordering::Relaxed);
+            self.screen.line(&format!("[{done}/{num_cases}] {id}: {what}"));
+        }
+    }
+
+    /// Clears the bar.
+    pub(super) fn finish(&self) {
+        self.screen.finish();
+    }
+}
+
+/// Shows how many of how many things of one kind after another are done.
+pub(super) struct Counter {
+    screen: Screen,
+    /// Tenths of the current kind that were told in plain lines.
+    told: Mutex<(String, usize)>,
+}
+
+impl Counter {
+    pub(super) fn new(quiet: bool) -> Self {
+        Self { screen: Screen::new(quiet), told: Mutex::default() }
+    }
+
+    /// Takes note; called from the worker threads.
+    pub(super) fn show(&self, what: &str, done: usize, total: usize) {
+        if let Some(bar) = &self.screen.bar {
+            bar.set_length(total as u64);
+            bar.set_position(done as u64);
+            bar.set_message(shorten(what, 40));
+            return;
+        }
+        // Few things need no telling.
+        if self.screen.quiet || total < 100 {
+            return;
+        }
+        let tenth = 10 * done / total;
+        let mut told = self.told.lock().unwrap_or_else(PoisonError::into_inner);
+        if told.0 != what {
+            *told = (what.to_owned(), 0);
+        }
+        if tenth > told.1 {
+            told.1 = tenth;
+            eprintln!("{what}: {done}/{total}");
+        }
+    }
+
+    /// Clears the bar.
+    pub(super) fn finish(&self) {
+        self.screen.finish();
+    }
+}
+
 fn failure(case: &CaseResult) -> Option<&str> {
     case.failures.first().map(String::as_str)
 }
 
 /// Shows how far a job of known length is; a line for each failure.
 pub(super) struct Steps {
-    quiet: bool,
-    bar: Option<ProgressBar>,
+    screen: Screen,
     total: usize,
     num_done: AtomicUsize,
 }
@@ -158,44 +172,33 @@ const STEPS_PER_LINE: usize = 100;
 
 impl Steps {
     pub(super) fn new(quiet: bool, total: usize) -> Self {
-        let watched = !quiet && std::io::stderr().is_terminal();
-        let bar = watched.then(bar);
-        if let Some(bar) = &bar {
+        let screen = Screen::new(quiet);
+        if let Some(bar) = &screen.bar {
             bar.set_length(total as u64);
         }
-        Self { quiet, bar, total, num_done: AtomicUsize::new(0) }
+        Self { screen, total, num_done: AtomicUsize::new(0) }
     }
 
     /// Takes note that a step is done; called from worker threads.
     pub(super) fn step(&self, name: &str, failure: Option<&str>) {
         let done = 1 + self.num_done.fetch_add(1, Ordering::Relaxed);
         if let Some(reason) = failure {
-            self.line(&format!("skipped {}: {}", shorten(name, 40), shorten(reason, 400)));
+            self.screen.line(&format!("skipped {}: {}", shorten(name, 40), shorten(reason, 400)));
         }
-        match &self.bar {
+        match &self.screen.bar {
             Some(bar) => {
                 bar.set_message(shorten(name, 40));
                 bar.inc(1);
             }
             None if done.is_multiple_of(STEPS_PER_LINE) || done == self.total => {
-                self.line(&format!("[{done}/{}]", self.total));
+                self.screen.line(&format!("[{done}/{}]", self.total));
             }
             None => {}
         }
     }
 
-    fn line(&self, text: &str) {
-        match &self.bar {
-            Some(bar) => bar.println(text),
-            None if self.quiet => {}
-            None => eprintln!("{text}"),
-        }
-    }
-
     /// Clears the bar.
     pub(super) fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.screen.finish();
     }
 }
