@@ -148,9 +148,10 @@ impl Drop for Peer {
     }
 }
 
+/// The middle value, after sorting; not a number where there is none.
 fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
 
 /// Resident memory at its highest, MiB, as Linux tells it.
@@ -158,6 +159,26 @@ fn peak_mib() -> Option<f64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find(|line| line.starts_with("VmHWM"))?;
     Some(line.split_whitespace().nth(1)?.parse::<f64>().ok()? / 1024.0)
+}
+
+/// Processor time of this process so far, seconds, as Linux tells it: unlike the time on the clock, it hardly grows when
+/// other programs want the processors too.
+fn cpu_secs() -> Option<f64> {
+    const TICKS_PER_SEC: f64 = 100.0;
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The name before the last bracket may hold spaces; user and system time are the 12th and 13th field after it.
+    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
+    let mut ticks = || fields.next()?.parse::<f64>().ok();
+    Some((ticks()? + ticks()?) / TICKS_PER_SEC)
+}
+
+/// What an iteration took.
+#[derive(Default)]
+struct Times {
+    /// On the clock, seconds.
+    wall: Vec<f64>,
+    /// Of all processors together, seconds.
+    cpu: Vec<f64>,
 }
 
 /// Lengths of captioned KIT motions, or of a distribution like theirs.
@@ -233,13 +254,14 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
     let motions = Tensor::<3>::from_data(TensorData::new(values, [BATCH, width, CHANNELS]), &device);
     let mut model = Actions::new(&device);
     let mut optimiser = AdamConfig::new().init();
-    let (mut ours, mut theirs) = (Vec::new(), vec![Vec::new(); variants.len()]);
+    let mut ours = Times::default();
+    let mut theirs: Vec<Times> = variants.iter().map(|_| Times::default()).collect();
     let (mut own_peak, mut own_parts) = (Vec::new(), [0.0; 3]);
     let mut peaks: Vec<Vec<f64>> = vec![Vec::new(); 2];
     // The first round warms both sides up.
     for round in 0..=rounds {
         peaks[0].push(own_matmul_gflops(2000));
-        let start = Instant::now();
+        let (start, cpu) = (Instant::now(), cpu_secs());
         let loss = model.loss(&motions, lengths);
         let forward = start.elapsed().as_secs_f64();
         let gradients = GradientsParams::from_grads(loss.backward(), &model);
@@ -247,7 +269,8 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
         model = optimiser.step(1e-3, model, gradients);
         let all = start.elapsed().as_secs_f64();
         if round > 0 {
-            ours.push(all);
+            ours.wall.push(all);
+            ours.cpu.extend(cpu_secs().zip(cpu).map(|(after, before)| after - before));
             for (sum, part) in own_parts.iter_mut().zip([forward, backward - forward, all - backward]) {
                 *sum += part / rounds as f64;
             }
@@ -258,7 +281,8 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
         for (variant, times) in variants.iter().zip(&mut theirs) {
             let answer = peer.ask(&json!({"variant": variant, "lengths": lengths, "width": width}))?;
             if round > 0 {
-                times.push(answer["secs"].as_f64().ok_or("no time")?);
+                times.wall.push(answer["secs"].as_f64().ok_or("no time")?);
+                times.cpu.push(answer["cpu_secs"].as_f64().ok_or("no processor time")?);
             }
             if round == rounds {
                 println!(
@@ -268,25 +292,25 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
             }
         }
     }
-    let own = median(&mut ours);
+    let (own, own_cpu) = (median(&mut ours.wall), median(&mut ours.cpu));
     println!(
         "\n{name}: {frames} frames, longest {width}, {:.1} GFLOP; matmul 2000^3: torch {:.0}, gemm {:.0} GFLOP/s",
         gflop(frames),
         median(&mut peaks[1]),
         median(&mut peaks[0]),
     );
-    println!("| program | s an iteration | useful GFLOP/s | ratio to ours (lowest..highest) |");
-    println!("|---|---|---|---|");
-    println!("| rprae, closed loop | {own:.2} | {:.1} | 1 |", gflop(frames) / own);
+    println!("| program | s an iteration | useful GFLOP/s | ratio to ours (lowest..highest) | processor s | ratio |");
+    println!("|---|---|---|---|---|---|");
+    println!("| rprae, closed loop | {own:.2} | {:.1} | 1 | {own_cpu:.2} | 1 |", gflop(frames) / own);
     for (variant, times) in variants.iter().zip(&mut theirs) {
-        let mut ratios: Vec<f64> = times.iter().zip(&ours).map(|(theirs, _)| theirs / own).collect();
-        let time = median(times);
-        let middle = median(&mut ratios);
+        let (time, cpu) = (median(&mut times.wall), median(&mut times.cpu));
         println!(
-            "| PyTorch {variant} | {time:.2} | {:.1} | {middle:.2} ({:.2}..{:.2}) |",
+            "| PyTorch {variant} | {time:.2} | {:.1} | {:.2} ({:.2}..{:.2}) | {cpu:.2} | {:.2} |",
             gflop(frames) / time,
-            ratios[0],
-            ratios[ratios.len() - 1]
+            time / own,
+            times.wall[0] / own,
+            times.wall[times.wall.len() - 1] / own,
+            cpu / own_cpu,
         );
     }
     println!(

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use rprae::features::{CaptionFeatures, MotionFeatures, Normalizer, Pair, PreparedSet, Split, Vocabulary};
+use rprae::features::{CaptionFeatures, MotionFeatures, Normalizer, Pair, PreparedSet, Root, Split, Vocabulary};
 use rprae::model::{self, Bundle, DeviceChoice, Draws, ModelSettings};
 use rprae::motion::NUM_CHANNELS;
 use rprae::training::{
@@ -29,6 +29,7 @@ fn prepared() -> PreparedSet {
     };
     let mut set = PreparedSet {
         rate_hz: 10.0,
+        root: Root::Absolute,
         normalizer: Normalizer { minimum: vec![-1.0; NUM_CHANNELS], maximum: vec![1.0; NUM_CHANNELS] },
         vocabulary: Vocabulary {
             words: ["<bos>", "<eos>", "a", "b", "c", "d", "e", "f"].map(str::to_owned).to_vec(),

@@ -2,7 +2,7 @@
 
 use sha2::{Digest, Sha256};
 
-use super::{PreparedSet, Split};
+use super::{PreparedSet, Root, Split};
 use crate::manifest::hex;
 
 /// Begins every fingerprint, so that a later layout can never collide with this one.
@@ -18,6 +18,10 @@ impl PreparedSet {
         let mut feed = Feed(Sha256::new());
         feed.text(DOMAIN);
         feed.float(self.rate_hz);
+        // Nothing for the paper's form, which was the only one once.
+        if self.root == Root::FromStart {
+            feed.text("root from start");
+        }
         feed.floats(&self.normalizer.minimum);
         feed.floats(&self.normalizer.maximum);
         feed.count(self.vocabulary.words.len());

@@ -14,7 +14,7 @@ use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
 use super::check::{MAX_DIMENSIONS, Unsound};
-use super::{CaptionFeatures, MotionFeatures, Normalizer, Pair, PreparedSet, Split, Vocabulary};
+use super::{CaptionFeatures, MotionFeatures, Normalizer, Pair, PreparedSet, Root, Split, Vocabulary};
 use crate::manifest::write_file;
 use crate::motion::NUM_CHANNELS;
 
@@ -67,6 +67,8 @@ struct Listing {
     format: u32,
     fingerprint: String,
     rate_hz: f64,
+    #[serde(default)]
+    root: Root,
     normalizer: Normalizer,
     dimensions: usize,
     words: Vec<String>,
@@ -165,6 +167,7 @@ impl PreparedSet {
             format: FORMAT,
             fingerprint: self.fingerprint.clone(),
             rate_hz: self.rate_hz,
+            root: self.root,
             normalizer: self.normalizer.clone(),
             dimensions: self.vocabulary.dimensions,
             words: self.vocabulary.words.clone(),
@@ -264,6 +267,7 @@ fn assemble(listing: Listing, bytes: &[u8]) -> Result<PreparedSet, String> {
     });
     Ok(PreparedSet {
         rate_hz: listing.rate_hz,
+        root: listing.root,
         normalizer: listing.normalizer,
         vocabulary: Vocabulary { words: listing.words, dimensions: listing.dimensions, vectors },
         motions,
@@ -298,6 +302,7 @@ mod tests {
         };
         PreparedSet {
             rate_hz: 10.0,
+            root: Root::FromStart,
             normalizer: Normalizer { minimum: vec![-1.0; NUM_CHANNELS], maximum: vec![1.0; NUM_CHANNELS] },
             vocabulary: Vocabulary {
                 words: ["<bos>", "<eos>", "a", "walks"].map(str::to_owned).to_vec(),

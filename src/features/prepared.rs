@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Normalizer, Vocabulary};
+use super::{Normalizer, Root, Vocabulary};
 use crate::motion::NUM_CHANNELS;
 
 /// Part of the data a motion, with all its captions, belongs to.
@@ -55,6 +55,8 @@ pub struct Pair {
 pub struct PreparedSet {
     /// Frames a second of every motion (10 for the paper).
     pub rate_hz: f64,
+    /// What the root channels are relative to.
+    pub root: Root,
     /// Map between SI units and the model's range, from the training split.
     pub normalizer: Normalizer,
     /// The words.

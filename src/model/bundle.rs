@@ -21,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use super::parameters::NamedTensor;
 use super::tensors::{TensorsError, read_tensors, write_tensors};
 use super::{InvalidSetting, ModelSettings, Rprae, WeightsError, load_weights, weights};
-use crate::features::{Normalizer, PreparedSet, Split, Vocabulary};
+use crate::features::{Normalizer, PreparedSet, Root, Split, Vocabulary};
 use crate::manifest::{VERSION, write_file};
 use crate::motion::{NUM_CHANNELS, bounds};
 
@@ -49,6 +49,9 @@ pub struct BundleConfig {
     pub rprae: String,
     /// Frames a second of the motions it reads and makes.
     pub rate_hz: f64,
+    /// What the root channels of the motions it reads and makes are relative to.
+    #[serde(default)]
+    pub root: Root,
     /// First frame of a motion made without a reference, normalised, 50 numbers.
     ///
     /// `Deviation:` the paper gives the decoder the first frame of the reference; here it is the mean first frame of the
@@ -134,6 +137,7 @@ impl Bundle {
             format: FORMAT,
             rprae: VERSION.to_owned(),
             rate_hz: set.rate_hz,
+            root: set.root,
             start_frame: (0..NUM_CHANNELS).map(mean).collect(),
             frames_seen: (lengths.clone().min().unwrap_or(2), lengths.max().unwrap_or(2)),
             longest_caption: captions.map(|caption| caption.words.len()).max().unwrap_or(2),

@@ -20,6 +20,7 @@ mod description;
 mod device;
 mod draws;
 mod feed;
+mod frames;
 mod generate;
 mod layer;
 mod length;

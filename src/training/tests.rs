@@ -5,7 +5,7 @@ use std::path::Path;
 use burn::tensor::Device;
 
 use super::*;
-use crate::features::{CaptionFeatures, MotionFeatures, Normalizer, Pair, PreparedSet, Split};
+use crate::features::{CaptionFeatures, MotionFeatures, Normalizer, Pair, PreparedSet, Root, Split};
 use crate::model::ModelSettings;
 use crate::model::tests::{motion, tiny, vocabulary};
 use crate::motion::NUM_CHANNELS;
@@ -13,6 +13,7 @@ use crate::motion::NUM_CHANNELS;
 pub(crate) fn empty_set() -> PreparedSet {
     PreparedSet {
         rate_hz: 10.0,
+        root: Root::Absolute,
         normalizer: Normalizer { minimum: vec![-1.0; NUM_CHANNELS], maximum: vec![1.0; NUM_CHANNELS] },
         vocabulary: vocabulary(9, 6),
         motions: Vec::new(),

@@ -124,6 +124,8 @@ pub struct Account {
     pub num_captions_filtered: usize,
     /// Captions already there word for word for the same motion.
     pub num_captions_repeated: usize,
+    /// Captions without motion that another source has too.
+    pub num_captions_shared: usize,
     /// Captions of a part of a motion, kept as captions without motion.
     pub num_captions_partial: usize,
     /// How far the word vectors reach.
@@ -151,6 +153,7 @@ impl Account {
             selection: Selection::default(),
             num_captions_filtered: gathered.num_captions_filtered,
             num_captions_repeated: gathered.num_captions_repeated,
+            num_captions_shared: gathered.num_captions_shared,
             num_captions_partial: gathered.num_captions_partial,
             coverage: None,
             skipped: gathered.skipped.iter().map(skipped).collect(),
@@ -307,6 +310,7 @@ impl Account {
             (selection.num_captions_dropped, "captions left out for words without a vector"),
             (self.num_captions_filtered, "captions left out with their motion, too short or too long"),
             (self.num_captions_repeated, "captions that repeat one of their motion"),
+            (self.num_captions_shared, "captions without motion left out, since another source has them"),
             (self.num_captions_partial, "captions of a part of a motion, used without it"),
             (selection.num_motions_left_out, "motions without captions left out"),
             (selection.num_motions_in_no_list, "motions that are in no list of the split"),

@@ -27,6 +27,10 @@ pub(super) struct Gathered {
     pub motions: Vec<GatheredMotion>,
     /// Captions whose motion is not there, or that have none, in the order of their sources.
     pub loose_captions: Vec<String>,
+    /// Captions without motion that another source has too, left out.
+    pub num_captions_shared: usize,
+    /// How often a caption occurs.
+    occurrences: Occurrences,
     /// Captions left out with a motion that is too short or too long.
     pub num_captions_filtered: usize,
     /// Captions that are already there, word for word, for the same motion.
@@ -69,6 +73,7 @@ pub(super) fn gather(
         places_of.push(places);
     }
     for source in &settings.captions {
+        gathered.occurrences.begin_source();
         let file = CaptionFile::read(&source.path)?;
         let mut from = CaptionsFrom {
             path: source.path.clone(),
@@ -89,6 +94,7 @@ pub(super) fn gather(
         }
         gathered.captions_from.push(from);
     }
+    gathered.unite();
     gathered.sort();
     Ok(gathered)
 }
@@ -127,6 +133,7 @@ impl Gathered {
             })
             .collect();
 
+        self.occurrences.begin_source();
         let mut places = Places::new();
         for (entry, outcome) in dataset.entries().iter().zip(outcomes) {
             match outcome {
@@ -149,7 +156,7 @@ impl Gathered {
             let file = CaptionFile::read(&source.path)?;
             for record in file.records {
                 if record.motion.as_ref().is_some_and(|id| pieces.without_motion.binary_search(id).is_ok()) {
-                    self.loose_captions.extend(record.texts);
+                    self.take_loose(record.texts);
                 }
             }
         }
@@ -162,6 +169,9 @@ impl Gathered {
             Outcome::Kept(motion, duration_secs) => {
                 from.num_kept += 1;
                 from.duration_secs += duration_secs;
+                for text in &motion.captions {
+                    self.occurrences.add(text, true);
+                }
                 self.motions.push(motion);
                 Some((self.motions.len() - 1, duration_secs))
             }
@@ -181,19 +191,22 @@ impl Gathered {
     fn take_record(&mut self, record: CaptionRecord, candidates: &[&Places]) -> usize {
         let found = record.motion.as_ref().and_then(|id| candidates.iter().find_map(|places| places.get(id)));
         match found {
-            None => self.loose_captions.extend(record.texts),
+            None => self.take_loose(record.texts),
             Some(None) => self.num_captions_filtered += record.texts.len(),
             Some(Some((_, duration_secs))) if is_partial(record.span_secs, *duration_secs) => {
                 self.num_captions_partial += record.texts.len();
-                self.loose_captions.extend(record.texts);
+                self.take_loose(record.texts);
             }
             Some(Some((place, _))) => {
                 let num_of_motion = record.texts.len();
                 for text in record.texts {
-                    if self.motions[*place].captions.contains(&text) {
+                    let known = &mut self.motions[*place].captions;
+                    let is_repeated = known.iter().any(|caption| key(caption) == key(&text));
+                    self.occurrences.add(&text, !is_repeated);
+                    if is_repeated {
                         self.num_captions_repeated += 1;
                     } else {
-                        self.motions[*place].captions.push(text);
+                        known.push(text);
                     }
                 }
                 return num_of_motion;
@@ -202,9 +215,76 @@ impl Gathered {
         0
     }
 
+    fn take_loose(&mut self, texts: Vec<String>) {
+        for text in &texts {
+            self.occurrences.add(text, false);
+        }
+        self.loose_captions.extend(texts);
+    }
+
+    /// Leaves out loose captions that another source tells as well.
+    ///
+    /// Sources overlap: a corpus of all captions also has those of the motions that are here. So a caption is taken as often
+    /// as it occurs in the source that has it most often, and first where it belongs to a motion. Without this, captions of
+    /// held-out motions would be learned from.
+    fn unite(&mut self) {
+        let mut left = self.occurrences.loose();
+        let before = self.loose_captions.len();
+        self.loose_captions.retain(|text| match left.get_mut(&key(text)) {
+            Some(left) if *left > 0 => {
+                *left -= 1;
+                true
+            }
+            _ => false,
+        });
+        self.num_captions_shared = before - self.loose_captions.len();
+    }
+
     fn sort(&mut self) {
         self.motions.sort_by(|a, b| a.id.cmp(&b.id));
         self.skipped.sort_by(|a, b| (&a.source, &a.id).cmp(&(&b.source, &b.id)));
+    }
+}
+
+/// A caption as it is compared: neither case, spaces nor marks make a difference.
+fn key(text: &str) -> String {
+    let words = text.split(|c: char| !c.is_alphanumeric()).filter(|word| !word.is_empty());
+    words.map(str::to_lowercase).collect::<Vec<_>>().join(" ")
+}
+
+/// How often each caption occurs in each source, and with a motion.
+#[derive(Default)]
+struct Occurrences {
+    num_sources: usize,
+    of: BTreeMap<String, Occurrence>,
+}
+
+#[derive(Default)]
+struct Occurrence {
+    /// Captions of motions, from all sources.
+    with_motion: usize,
+    /// Most often in one source.
+    most: usize,
+    /// The source counted now, and how often in it.
+    now: (usize, usize),
+}
+
+impl Occurrences {
+    fn begin_source(&mut self) {
+        self.num_sources += 1;
+    }
+
+    fn add(&mut self, text: &str, with_motion: bool) {
+        let found = self.of.entry(key(text)).or_default();
+        found.with_motion += usize::from(with_motion);
+        let before = if found.now.0 == self.num_sources { found.now.1 } else { 0 };
+        found.now = (self.num_sources, before + 1);
+        found.most = found.most.max(before + 1);
+    }
+
+    /// How often each caption is to be taken without a motion.
+    fn loose(&self) -> BTreeMap<String, usize> {
+        self.of.iter().map(|(key, found)| (key.clone(), found.most.saturating_sub(found.with_motion))).collect()
     }
 }
 
@@ -230,11 +310,12 @@ fn prepare(
     if short || long {
         return Ok((Outcome::Filtered { short, num_captions: captions.len() }, sample.warnings));
     }
-    let frames = features_of(&sample.motion, settings.rate_hz).map_err(|error| Skipped {
+    let mut frames = features_of(&sample.motion, settings.rate_hz).map_err(|error| Skipped {
         id: sample.id.clone(),
         source: source.to_owned(),
         reason: error.to_string(),
     })?;
+    settings.root.place(&mut frames);
     let motion = GatheredMotion { id: format!("{prefix}{}", sample.id), frames, captions };
     Ok((Outcome::Kept(motion, secs), sample.warnings))
 }

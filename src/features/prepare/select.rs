@@ -234,6 +234,7 @@ fn assemble(
     let mut take = |split| pairs.remove(&split).unwrap_or_default();
     Ok(PreparedSet {
         rate_hz: settings.rate_hz,
+        root: settings.root,
         normalizer,
         vocabulary,
         non_paired_motions: non_paired.iter().map(|pair| pair.motion).chain(extra_motions).collect(),

@@ -1,10 +1,11 @@
 //! What to prepare and how.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::features::TokenRule;
+use crate::features::{Root, TokenRule};
 use crate::motion::bounds;
 
 /// Settings of a preparation; the defaults are the paper's.
@@ -15,6 +16,8 @@ pub struct PrepareSettings {
     pub vectors: Option<PathBuf>,
     /// Frames a second of the features. Default 10, a tenth of KIT's rate.
     pub rate_hz: f64,
+    /// What the root channels are relative to. Default `absolute`, as in the paper.
+    pub root: Root,
     /// Shortest motion kept, seconds. Default 1: the paper's 100 steps at 100 Hz, whatever the rate.
     pub min_secs: f64,
     /// Longest motion kept, seconds. Default 30: the paper's 3000 steps at 100 Hz, whatever the rate.
@@ -49,6 +52,7 @@ impl Default for PrepareSettings {
         Self {
             vectors: None,
             rate_hz: 10.0,
+            root: Root::Absolute,
             min_secs: 1.0,
             max_secs: 30.0,
             special_words: ["a", "and", "of", "to"].map(str::to_owned).to_vec(),
@@ -135,20 +139,35 @@ pub enum PrepareSettingsError {
 }
 
 impl PrepareSettings {
-    /// Reads a TOML file; unknown keys are refused. Paths in it are relative to the working directory.
+    /// Reads a TOML file; unknown keys are refused.
+    ///
+    /// Paths in it are relative to the working directory; one that begins with `$NAME/` is in the folder that this variable
+    /// of the environment names.
     ///
     /// # Errors
     /// [`PrepareSettingsError`] names the file and the place.
     pub fn read(path: &Path) -> Result<Self, PrepareSettingsError> {
         let text = std::fs::read_to_string(path)
             .map_err(|source| PrepareSettingsError::Io { path: path.to_owned(), source })?;
-        toml::from_str(&text).map_err(|error| {
+        let mut settings: Self = toml::from_str(&text).map_err(|error| {
             let place = error.span().map_or(String::new(), |span| {
                 format!("line {}: ", 1 + text[..span.start.min(text.len())].matches('\n').count())
             });
             let reason = format!("{place}{}", error.message().replace('\n', " "));
             PrepareSettingsError::Syntax { path: path.to_owned(), reason }
-        })
+        })?;
+        let split = &mut settings.split;
+        let lists = [&mut split.train, &mut split.validation, &mut split.test];
+        let named = lists.into_iter().chain([&mut settings.vectors]).filter_map(Option::as_mut);
+        let sources = settings.motions.iter_mut().map(|source| &mut source.path);
+        let sources = sources.chain(settings.captions.iter_mut().map(|source| &mut source.path));
+        for found in named.chain(sources) {
+            *found = expanded(found, |name| std::env::var_os(name)).map_err(|name| {
+                let reason = format!("{} needs the variable {name}, which is not set", found.display());
+                PrepareSettingsError::Syntax { path: path.to_owned(), reason }
+            })?;
+        }
+        Ok(settings)
     }
 
     /// Checks what can be checked without reading data.
@@ -200,5 +219,32 @@ impl PrepareSettings {
                 }
             })
             .collect()
+    }
+}
+
+/// A path whose first part, `$NAME`, is replaced by a variable; the name where that is not set.
+fn expanded(path: &Path, variable: impl Fn(&str) -> Option<OsString>) -> Result<PathBuf, String> {
+    let mut parts = path.components();
+    let first = parts.next().and_then(|part| part.as_os_str().to_str());
+    match first.and_then(|first| first.strip_prefix('$')) {
+        Some(name) => {
+            let folder = variable(name).ok_or_else(|| name.to_owned())?;
+            Ok(PathBuf::from(folder).join(parts))
+        }
+        None => Ok(path.to_owned()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_path_may_begin_with_a_variable() {
+        let variable = |name: &str| (name == "DATA").then(|| OsString::from("/mnt/data"));
+        let expand = |path: &str| expanded(Path::new(path), variable);
+        assert_eq!(expand("$DATA/kit/x.tsv").unwrap(), Path::new("/mnt/data/kit/x.tsv"));
+        assert_eq!(expand("kit/$DATA").unwrap(), Path::new("kit/$DATA"));
+        assert_eq!(expand("$OTHER/x").unwrap_err(), "OTHER");
     }
 }
