@@ -299,7 +299,9 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
         median(&mut peaks[1]),
         median(&mut peaks[0]),
     );
-    println!("| program | s an iteration | useful GFLOP/s | ratio to ours (lowest..highest) | processor s | ratio |");
+    println!(
+        "| program | s an iteration | useful GFLOP/s | ratio to ours (lowest..highest) | processor s | ratio |"
+    );
     println!("|---|---|---|---|---|---|");
     println!("| rprae, closed loop | {own:.2} | {:.1} | 1 | {own_cpu:.2} | 1 |", gflop(frames) / own);
     for (variant, times) in variants.iter().zip(&mut theirs) {

@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use rprae::features::{CaptionFeatures, MotionFeatures, Normalizer, Pair, PreparedSet, Root, Split, Vocabulary};
+use rprae::features::{
+    CaptionFeatures, MotionFeatures, Normalizer, Pair, PreparedSet, Root, Split, Vocabulary,
+};
 use rprae::model::{self, Bundle, DeviceChoice, Draws, ModelSettings};
 use rprae::motion::NUM_CHANNELS;
 use rprae::training::{

@@ -59,12 +59,7 @@ impl ActionRae {
     }
 
     /// What the decoder makes of [`MotionBatch::targets`] while it learns, `[frame, channel]`.
-    pub(super) fn reconstruct(
-        &self,
-        batch: &MotionBatch,
-        latent: Tensor<2>,
-        feed: &mut Feed<'_>,
-    ) -> Tensor<2> {
+    pub(super) fn reconstruct(&self, batch: &MotionBatch, latent: Tensor<2>, feed: &mut Feed) -> Tensor<2> {
         let num_steps = batch.num_steps();
         let width = batch.frames.dims()[1] - 1;
         match feed {

@@ -66,7 +66,7 @@ impl DescriptionRae {
         table: &Tensor<2>,
         latent: Tensor<2>,
         feedback: DescriptionFeedback,
-        feed: &mut Feed<'_>,
+        feed: &mut Feed,
     ) -> Tensor<2> {
         let num_steps = batch.num_steps();
         match feed {

@@ -41,7 +41,7 @@ pub use bundle::{Bundle, BundleConfig, BundleError};
 pub use description::DescriptionRae;
 pub use device::{Adapter, DeviceChoice, DeviceError, Selected, adapter, cpu, select};
 pub use draws::Draws;
-pub use feed::Feed;
+pub use feed::{Feed, Feeds};
 pub use generate::{MotionLength, Word, Writing};
 pub use length::LengthHead;
 pub use loss::{Binding, LossSettings, Reduction, action_loss, binding_loss, description_loss};
@@ -127,7 +127,7 @@ impl Rprae {
         pairs: Option<&[usize]>,
         settings: &ModelSettings,
         losses: &LossSettings,
-        feed: &mut Feed<'_>,
+        feeds: &mut Feeds,
     ) -> Losses {
         let table = self.retrofit.table();
         let described = self.description.encode(captions, &table);
@@ -135,11 +135,11 @@ impl Rprae {
         let logits = self.description.reconstruct(
             captions,
             &table,
-            described.clone(),
+            feeds.noisy(described.clone()),
             settings.description_feedback,
-            feed,
+            &mut feeds.description,
         );
-        let frames = self.action.reconstruct(motions, acted.clone(), feed);
+        let frames = self.action.reconstruct(motions, feeds.noisy(acted.clone()), &mut feeds.action);
         let mut length = self.length.loss(acted.clone(), &motions.lengths);
         if pairs.is_some() {
             length = length + self.length.loss(described.clone(), &motions.lengths);

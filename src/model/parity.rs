@@ -4,7 +4,7 @@ use burn::tensor::Device;
 
 use super::batch::{CaptionBatch, Frames, MotionBatch};
 use super::parameters::{NamedTensor, gradients};
-use super::{Draws, Feed, LossSettings, ModelSettings, Rprae};
+use super::{Draws, Feeds, LossSettings, ModelSettings, Rprae};
 use crate::features::Vocabulary;
 use crate::motion::NUM_CHANNELS;
 
@@ -25,7 +25,9 @@ pub struct Parity {
 #[must_use]
 pub fn parity(device: &Device) -> Vec<Parity> {
     let mut found = Vec::new();
-    for (mode, mut feed) in [("closed loop", Feed::ClosedLoop), ("teacher forcing", Feed::TeacherForcing)] {
+    for (mode, mut feed) in
+        [("closed loop", Feeds::closed_loop()), ("teacher forcing", Feeds::teacher_forcing())]
+    {
         let expected = compute(&Device::flex(), &mut feed);
         let computed = compute(device, &mut feed);
         for ((name, expected), (_, computed)) in expected.iter().zip(&computed) {
@@ -47,7 +49,7 @@ fn difference(expected: &NamedTensor, computed: &NamedTensor) -> f64 {
 }
 
 /// Losses and gradients of a small model on a small batch.
-fn compute(device: &Device, feed: &mut Feed<'_>) -> Vec<(String, NamedTensor)> {
+fn compute(device: &Device, feed: &mut Feeds) -> Vec<(String, NamedTensor)> {
     let device = device.clone().autodiff();
     let settings = ModelSettings {
         action_units: 12,

@@ -47,6 +47,13 @@ pub struct ModelSettings {
     pub retrofit_layers: usize,
     /// What the decoders are fed while they learn.
     pub decoding: Decoding,
+    /// What the description decoder is fed instead.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub description_decoding: Option<Decoding>,
+    /// Standard deviation of Gaussian noise on latents before they are decoded in training, as a share of their spread in
+    /// the batch. Larger values make neighbouring latents mean the same, which is where the other modality's latents come
+    /// to lie; 0 is the paper's.
+    pub latent_noise: f64,
     /// Share of steps at which a decoder hears itself, with scheduled sampling; reached linearly over each stage.
     pub own_output_share: f64,
     /// What the description decoder hears of its own output.
@@ -65,6 +72,8 @@ impl Default for ModelSettings {
             retrofit_units: 400,
             retrofit_layers: 3,
             decoding: Decoding::ClosedLoop,
+            description_decoding: None,
+            latent_noise: 0.0,
             own_output_share: 0.5,
             description_feedback: DescriptionFeedback::ArgMax,
             forget_bias: 1.0,
@@ -108,6 +117,10 @@ impl ModelSettings {
         let share = self.own_output_share;
         InvalidSetting::unless((0.0..=1.0).contains(&share), "model.own_output_share", share, || {
             "0 to 1".to_owned()
+        })?;
+        let noise = self.latent_noise;
+        InvalidSetting::unless((0.0..=10.0).contains(&noise), "model.latent_noise", noise, || {
+            "0 to 10".to_owned()
         })?;
         let bias = self.forget_bias;
         InvalidSetting::unless(bias.abs() <= 10.0, "model.forget_bias", bias, || "-10 to 10".to_owned())

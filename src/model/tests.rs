@@ -99,8 +99,7 @@ fn learned(settings: &ModelSettings, motion_width: usize, caption_width: usize) 
     let captions: [&[u32]; 3] = [&[0, 4, 5, 1], &[0, 1], &[0, 2, 3, 7, 8, 1]];
     let motions = MotionBatch::padded(&motions, motion_width, &device);
     let captions = CaptionBatch::padded(&captions, caption_width, &device);
-    let mut draws = Draws::new(4, "feed", 0);
-    let mut feed = Feed::of(settings, 1.0, &mut draws);
+    let mut feed = Feeds::of(settings, 4, 0, 1.0);
     let losses =
         model.losses(&captions, &motions, Some(&[0, 1, 2]), settings, &LossSettings::default(), &mut feed);
     let values = [

@@ -9,7 +9,7 @@ use super::run::Trained;
 use super::settings::RunSettings;
 use crate::features::{PreparedSet, Split};
 
-/// What a bundle says of itself, as Markdown.
+/// What a bundle says of itself, as Markdown; `held_out` are scores on the test pairs, Markdown too.
 #[must_use]
 pub fn card(
     settings: &RunSettings,
@@ -17,6 +17,7 @@ pub fn card(
     facts: &RunFacts,
     trained: &Trained,
     validation: Option<&Validation>,
+    held_out: &str,
 ) -> String {
     let plan = Plan::new(&settings.training, set);
     let parameters: Vec<String> =
@@ -79,6 +80,7 @@ pub fn card(
             found.t2m_error,
         );
     }
+    card.push_str(held_out);
     let _ = write!(
         card,
         "## Source and licence of the data\n\n{notes}\n\n\

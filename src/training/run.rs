@@ -18,7 +18,7 @@ use super::record::{Iteration, LossValues, Validation};
 use super::settings::RunSettings;
 use super::validation::{CaptionScore, validate};
 use crate::features::PreparedSet;
-use crate::model::{Draws, Feed, Losses, Part, Rprae, load_weights, weights};
+use crate::model::{Feeds, Losses, Part, Rprae, load_weights, weights};
 
 /// What happens during a run.
 #[derive(Debug)]
@@ -199,15 +199,15 @@ impl<'a> Run<'a> {
             Stage::Two => self.batches.paired(iteration - 1 - self.plan.stage1),
         };
         self.choose(phase);
-        let mut draws = Draws::new(self.settings.seed, "feed", iteration as u64);
-        let mut feed = Feed::of(&self.settings.model, self.plan.progress(iteration), &mut draws);
+        let progress = self.plan.progress(iteration);
+        let mut feeds = Feeds::of(&self.settings.model, self.settings.seed, iteration, progress);
         let losses = self.model.losses(
             &batch.captions,
             &batch.motions,
             batch.pairs.as_deref(),
             &self.settings.model,
             &self.settings.loss,
-            &mut feed,
+            &mut feeds,
         );
         let loss = values(&losses);
         if let Some((name, _)) = loss.named().into_iter().find(|(_, loss)| !loss.is_finite()) {

@@ -10,7 +10,7 @@ use super::plan::Stage;
 use super::record::{LossValues, Validation, peak_memory_mib};
 use super::settings::RunSettings;
 use crate::features::PreparedSet;
-use crate::model::{Bundle, Feed, Frames, LossSettings, Reduction, Rprae};
+use crate::model::{Bundle, Feeds, Frames, LossSettings, Reduction, Rprae};
 use crate::motion::NUM_CHANNELS;
 
 /// A caption written from a motion, beside the captions the motion has.
@@ -74,7 +74,7 @@ pub(super) fn validate(
             batch.pairs.as_deref(),
             &settings.model,
             &loss,
-            &mut Feed::ClosedLoop,
+            &mut Feeds::closed_loop(),
         );
         let (words, frames) = (batch.captions.num_targets(), batch.motions.num_targets());
         let value = |loss: burn::tensor::Tensor<1>| loss.into_scalar::<f64>();

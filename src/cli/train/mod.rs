@@ -1,6 +1,7 @@
 //! `rprae train`.
 
 mod display;
+mod held_out;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -147,9 +148,11 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         Line::Validation(found) if found.iteration == trained.iteration => Some(found),
         _ => None,
     });
-    let card = training::card(&settings, &set, &facts, &trained, best.as_ref());
+    let model = Bundle::new(&trained.model, &settings.model, &set);
+    let scores = held_out::scores(&set, &model);
+    let card = training::card(&settings, &set, &facts, &trained, best.as_ref(), &scores);
     let bundle = args.out.join(BUNDLE);
-    Bundle::new(&trained.model, &settings.model, &set).save(&bundle, &card).or_failed()?;
+    model.save(&bundle, &card).or_failed()?;
     output::print(&summary(&trained, best.as_ref(), &bundle, &curves)).or_failed()?;
     Ok(Exit::Clean)
 }

@@ -307,7 +307,7 @@ impl Account {
             );
         }
         for (count, what) in [
-            (selection.num_captions_dropped, "captions left out for words without a vector"),
+            (selection.num_captions_dropped, "captions left out for words without a vector, or too rare"),
             (self.num_captions_filtered, "captions left out with their motion, too short or too long"),
             (self.num_captions_repeated, "captions that repeat one of their motion"),
             (self.num_captions_shared, "captions without motion left out, since another source has them"),

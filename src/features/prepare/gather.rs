@@ -284,7 +284,10 @@ impl Occurrences {
 
     /// How often each caption is to be taken without a motion.
     fn loose(&self) -> BTreeMap<String, usize> {
-        self.of.iter().map(|(key, found)| (key.clone(), found.most.saturating_sub(found.with_motion))).collect()
+        self.of
+            .iter()
+            .map(|(key, found)| (key.clone(), found.most.saturating_sub(found.with_motion)))
+            .collect()
     }
 }
 

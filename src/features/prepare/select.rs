@@ -65,6 +65,7 @@ pub(super) fn select(
     let mut selection = Selection::default();
     let is_kept = |caption: &Words| -> bool {
         !caption.words.is_empty()
+            && caption.words.iter().all(|word| occurrences[word] >= settings.min_word_count)
             && (settings.keep_all_captions
                 || vectors.as_ref().is_none_or(|vectors| {
                     caption

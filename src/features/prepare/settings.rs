@@ -29,6 +29,9 @@ pub struct PrepareSettings {
     /// Keep captions with words that have no pretrained vector, and train one. Default false: they are left out, as in the
     /// paper.
     pub keep_all_captions: bool,
+    /// Leave captions out that have a word which occurs less often in all captions: a small model spends itself on rare words
+    /// and misspelt ones. Default 1: none, as in the paper.
+    pub min_word_count: usize,
     /// Learn stage 1 from motions without captions and captions without motions too. Default true; the paper has none.
     pub extras: bool,
     /// Pairs of the training split that stage 1 sees (unpaired); all when absent.
@@ -58,6 +61,7 @@ impl Default for PrepareSettings {
             special_words: ["a", "and", "of", "to"].map(str::to_owned).to_vec(),
             special_marks: true,
             keep_all_captions: false,
+            min_word_count: 1,
             extras: true,
             non_paired: None,
             paired: None,
