@@ -15,7 +15,7 @@ use super::journal::Journal;
 use super::optimizer::Optimizer;
 use super::plan::{Phase, Plan, Stage};
 use super::record::{Iteration, LossValues, Validation};
-use super::settings::RunSettings;
+use super::settings::{Keep, RunSettings};
 use super::validation::{CaptionScore, validate};
 use crate::features::PreparedSet;
 use crate::model::{Feeds, Losses, Part, Rprae, load_weights, weights};
@@ -44,11 +44,12 @@ pub enum Event<'a> {
 /// A model at the end of its run.
 #[derive(Debug)]
 pub struct Trained {
-    /// The best model of the last stage, or the last one where nothing was validated; without automatic differentiation.
+    /// The best model of the last stage, or the last one where nothing was validated or the settings keep that; without
+    /// automatic differentiation.
     pub model: Rprae,
     /// Iteration it is from.
     pub iteration: usize,
-    /// Its validation loss.
+    /// The lowest validation loss of the last stage.
     pub best: Option<Best>,
     /// Iterations behind the run.
     pub done: usize,
@@ -287,7 +288,10 @@ impl<'a> Run<'a> {
         if !is_saved {
             self.save()?;
         }
-        let iteration = self.state.best.map_or(done, |best| best.iteration);
+        let iteration = match (self.settings.training.keep, self.state.best) {
+            (Keep::Best, Some(best)) => best.iteration,
+            _ => done,
+        };
         let mut model = self.model.valid();
         if iteration != done {
             model = load_weights(model, checkpoint::read_weights(&self.checkpoints, iteration)?)?;

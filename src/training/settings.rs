@@ -18,6 +18,16 @@ pub enum Schedule {
     VanillaEqualUpdates,
 }
 
+/// The model a run leaves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Keep {
+    /// That of the lowest validation loss of the last stage.
+    Best,
+    /// The last one: the loss, of words heard in closed loop above all, may rise while translations still get better.
+    Last,
+}
+
 /// Sizes to begin from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -62,6 +72,8 @@ pub struct TrainingSettings {
     pub validate_every: usize,
     /// Iterations between checkpoints.
     pub checkpoint_every: usize,
+    /// The model to keep at the end.
+    pub keep: Keep,
     /// Stop stage 2 after this many validations without a better one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub early_stop: Option<usize>,
@@ -84,6 +96,7 @@ impl Default for TrainingSettings {
             clip_norm: 5.0,
             validate_every: 500,
             checkpoint_every: 500,
+            keep: Keep::Best,
             early_stop: None,
         }
     }

@@ -126,6 +126,22 @@ fn equal_seeds_give_equal_weights_and_others_do_not() {
 }
 
 #[test]
+fn the_model_of_the_lowest_loss_or_the_last_one_is_kept() {
+    let folder = tempfile::tempdir().unwrap();
+    let kept = |keep, name: &str| {
+        let mut settings = settings(0, 12);
+        // Steps so large that the losses rise.
+        settings.training =
+            TrainingSettings { keep, learning_rate: 0.5, alternate_every: 0, ..settings.training };
+        run_in(&folder.path().join(name), &settings, Begin::New).unwrap()
+    };
+    let (best, last) = (kept(Keep::Best, "best"), kept(Keep::Last, "last"));
+    assert_eq!(best.iteration, best.best.unwrap().iteration);
+    assert_eq!(best.best, last.best);
+    assert_eq!((last.iteration, last.done), (12, 12));
+}
+
+#[test]
 fn only_the_part_of_the_phase_learns() {
     let folder = tempfile::tempdir().unwrap();
     // Iterations 1 and 2 belong to the retrofit layer (n_ch = 3), 3 to 5 to the autoencoders.
