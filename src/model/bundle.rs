@@ -5,6 +5,7 @@
 //! BUNDLE/vocabulary.json       the words, and which of them have a vector
 //! BUNDLE/vectors.safetensors   word_vectors [word, dimension], of the words that have one
 //! BUNDLE/normalizer.json       between SI units and the model's range
+//! BUNDLE/starts.safetensors    first frames of training motions by latent; may be missing
 //! BUNDLE/weights.safetensors   the trained numbers
 //! BUNDLE/README.md             the model card
 //! ```
@@ -19,6 +20,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::parameters::NamedTensor;
+use super::starts::Starts;
 use super::tensors::{TensorsError, read_tensors, write_tensors};
 use super::{InvalidSetting, ModelSettings, Rprae, WeightsError, load_weights, weights};
 use crate::features::{Normalizer, PreparedSet, Root, Split, Vocabulary};
@@ -36,6 +38,7 @@ const CONFIG: &str = "config.json";
 const VOCABULARY: &str = "vocabulary.json";
 const VECTORS: &str = "vectors.safetensors";
 const NORMALIZER: &str = "normalizer.json";
+const STARTS: &str = "starts.safetensors";
 const WEIGHTS: &str = "weights.safetensors";
 const CARD: &str = "README.md";
 
@@ -54,8 +57,7 @@ pub struct BundleConfig {
     pub root: Root,
     /// First frame of a motion made without a reference, normalised, 50 numbers.
     ///
-    /// `Deviation:` the paper gives the decoder the first frame of the reference; here it is the mean first frame of the
-    /// training motions.
+    /// The mean first frame of the training motions; only for a bundle without [`Bundle::with_starts`].
     pub start_frame: Vec<f32>,
     /// Frames of the shortest and longest motion of the training split; predicted lengths stay within.
     pub frames_seen: (usize, usize),
@@ -87,6 +89,8 @@ pub struct Bundle {
     pub model: Rprae,
     /// Retrofitted vectors of all words, `[vocab, dimension]`.
     pub(super) table: Tensor<2>,
+    /// First frames, for motions made without a reference.
+    pub(super) starts: Starts,
 }
 
 /// Why a bundle cannot be loaded or saved.
@@ -145,7 +149,14 @@ impl Bundle {
         };
         let model = model.valid();
         let table = model.retrofit.table();
-        Self { config, vocabulary: set.vocabulary.clone(), normalizer: set.normalizer.clone(), model, table }
+        Self {
+            config,
+            vocabulary: set.vocabulary.clone(),
+            normalizer: set.normalizer.clone(),
+            model,
+            table,
+            starts: Starts::default(),
+        }
     }
 
     /// Writes the folder, whole or not at all; an earlier bundle of this name is replaced.
@@ -179,6 +190,9 @@ impl Bundle {
         let shape = vec![values.len() / stored.dimensions.max(1), stored.dimensions];
         let vectors = BTreeMap::from([("word_vectors".to_owned(), NamedTensor { shape, values })]);
         write_tensors(&part.join(VECTORS), &vectors).map_err(io("write", &part))?;
+        if !self.starts.is_empty() {
+            write_tensors(&part.join(STARTS), &self.starts.tensors()).map_err(io("write", &part))?;
+        }
         write_tensors(&part.join(WEIGHTS), &weights(&self.model)).map_err(io("write", &part))?;
         write_file(&part.join(CARD), card.as_bytes()).map_err(io("write", &part))?;
         if folder.exists() {
@@ -235,7 +249,13 @@ impl Bundle {
         }
         let model = load_weights(Rprae::new(&config.model, &vocabulary, 0, device), weights)?.valid();
         let table = model.retrofit.table();
-        Ok(Self { config, vocabulary, normalizer, model, table })
+        let starts = if path(STARTS).exists() {
+            let tensors = read_tensors(&path(STARTS))?;
+            Starts::read(&tensors, config.model.latent).map_err(|reason| wrong(STARTS, reason))?
+        } else {
+            Starts::default()
+        };
+        Ok(Self { config, vocabulary, normalizer, model, table, starts })
     }
 }
 

@@ -105,7 +105,8 @@ impl Bundle {
 
     /// Motions of latents `[batch, latent]`: normalised frames, the first included.
     ///
-    /// `first` are the first frames; without them every motion begins with [`super::BundleConfig::start_frame`].
+    /// `first` are the first frames; without them a motion begins like the training motion whose latent
+    /// is nearest, or with [`super::BundleConfig::start_frame`] in a bundle that has no first frames.
     ///
     /// # Panics
     /// If the numbers of latents, first frames and lengths differ, or a length is below 2.
@@ -122,7 +123,8 @@ impl Bundle {
             MotionLength::Frames(lengths) => lengths.clone(),
         };
         let start: [f32; NUM_CHANNELS] = std::array::from_fn(|channel| self.config.start_frame[channel]);
-        let first = first.map_or_else(|| vec![start; batch], <[_]>::to_vec);
+        let nearest = |latent: &Vec<f32>| self.starts.nearest(latent).unwrap_or(start);
+        let first = first.map_or_else(|| Self::numbers(latent).iter().map(nearest).collect(), <[_]>::to_vec);
         assert!(
             lengths.len() == batch && first.len() == batch,
             "as many lengths and first frames as latents"

@@ -31,6 +31,7 @@ mod parity;
 mod rae;
 mod retrofit;
 mod settings;
+mod starts;
 mod tensors;
 #[cfg(test)]
 pub(crate) mod tests;

@@ -14,8 +14,10 @@ pub type File = (String, String);
 const README_HEAD: &str = "# Assets
 
 `suite/` holds the motions that `eval-sim` runs when it is given none.
-Every file here is made by this project: `cargo run --example generate_suite` writes all of them, this README included.
-No recording of a person went into them; the choreography, the captions and the sources of the published normative values
+Every file there is made by this project: `cargo run --example generate_suite` writes all of them, this README included.
+`skeletons/` says how other skeletons correspond to the humanoid; `bundle/` is a small trained model with its model card,
+`recipe/` how it was made and the SHA-256 of its files.
+No recording of a person went into the suite; the choreography, the captions and the sources of the published normative values
 are in `src/synthesis/`.
 Licence: MIT, as the rest of the project.
 

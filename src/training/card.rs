@@ -84,10 +84,10 @@ pub fn card(
     let _ = write!(
         card,
         "## Source and licence of the data\n\n{notes}\n\n\
-         This folder holds the words of the training captions with their vectors, and statistics of the motions. Whoever\n\
+         This folder holds the words of the training captions with their vectors, and statistics and first frames of the motions. Whoever\n\
          passes it on passes these on too: the licences of the captions, motions and word vectors apply.\n\n\
          ## Limits\n\n\
-         Motions begin at one frame, the mean of the training motions' first, unless another is given; their length is read off\n\
+         Motions begin like the training motion whose latent is nearest, unless a first frame is given; their length is read off\n\
          the latent by a small head the paper does not have. Nothing here knows physics: simulate what it makes before\n\
          believing it.\n"
     );

@@ -148,7 +148,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         Line::Validation(found) if found.iteration == trained.iteration => Some(found),
         _ => None,
     });
-    let model = Bundle::new(&trained.model, &settings.model, &set);
+    let model = Bundle::new(&trained.model, &settings.model, &set).with_starts(&set);
     let scores = held_out::scores(&set, &model);
     let card = training::card(&settings, &set, &facts, &trained, best.as_ref(), &scores);
     let bundle = args.out.join(BUNDLE);
