@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
+use super::floor::Floor;
 use super::low_pass::low_pass;
 use super::role::{NUM_ORIENTED, NUM_ROLES, ORIENTED};
 use super::size::{Proportions, height_m};
@@ -117,7 +118,23 @@ impl Source {
             ));
         }
         let height_m = stated_height_m.unwrap_or(in_units * unit_m);
-        Ok(Self { frames, rate_hz, has, height_m, notes })
+        let mut source = Self { frames, rate_hz, has, height_m, notes };
+        if !correspondence.same_body {
+            source.level_floor();
+        }
+        Ok(source)
+    }
+}
+
+impl Source {
+    fn level_floor(&mut self) {
+        if let Some(floor) = Floor::sloping(&self.foot_paths(), self.rate_hz) {
+            floor.level(&mut self.frames);
+            self.notes.push(format!(
+                "the floor on which feet rest slopes by {:.1} degrees and is turned level",
+                floor.slope_rad().to_degrees()
+            ));
+        }
     }
 }
 
