@@ -24,8 +24,10 @@ pub(super) struct Sole {
     pub pitch_rad: f64,
     /// Slope from ball to toes, radians, positive with the toes up.
     pub toe_pitch_rad: f64,
-    /// Slope of heel and ball towards +x of the foot, radians, positive with the right side up.
+    /// Slope of the heel towards +x of the foot, radians, positive with the right side up.
     pub roll_rad: f64,
+    /// Slope of the ball towards +x of the foot, radians, positive with the right side up.
+    pub ball_roll_rad: f64,
 }
 
 impl Sole {
@@ -110,7 +112,8 @@ fn sole(humanoid: &Humanoid, side: Side, points: &[Point3<f64>], speed: impl Fn(
         lowest_m,
         pitch_rad: slope_rad(&middles[0], &middles[1]),
         toe_pitch_rad: slope_rad(&middles[1], &middles[2]),
-        roll_rad: (roll(0) + roll(1)) / 2.0,
+        roll_rad: roll(0),
+        ball_roll_rad: roll(1),
     }
 }
 
