@@ -193,7 +193,8 @@ impl Reader {
 }
 
 /// Some converters begin with a pose of their own and blend into the recording within a few frames: while limbs turn
-/// faster than bodies do, the first frames are replaced by the first that does not.
+/// faster than bodies do, the first frames are replaced by those after the first that does not, in reverse: the movement
+/// keeps its speed where the recording begins.
 fn settle_start(frames: &mut [SourceFrame], rate_hz: f64, notes: &mut Vec<String>) {
     let limbs = [
         (Role::LeftShoulder, Role::LeftElbow),
@@ -212,9 +213,22 @@ fn settle_start(frames: &mut [SourceFrame], rate_hz: f64, notes: &mut Vec<String
         frames.windows(2).take(MAX_BLEND_FRAMES).take_while(|pair| speed(pair) > BLEND_SPEED_RAD_S).count();
     if fast > 0 && fast < frames.len() - 1 {
         let settled = frames[fast];
-        frames[..fast].fill(settled);
+        for back in 1..=fast {
+            let ahead = frames[(fast + back).min(frames.len() - 1)];
+            let frame = &mut frames[fast - back];
+            for (centre, (at, after)) in
+                frame.centres.iter_mut().zip(settled.centres.iter().zip(&ahead.centres))
+            {
+                *centre = at * 2.0 - after;
+            }
+            let axes = settled.axes.iter().flatten().zip(ahead.axes.iter().flatten());
+            for (axis, (at, after)) in frame.axes.iter_mut().flatten().zip(axes) {
+                let mirrored = at * 2.0 - after;
+                *axis = mirrored.try_normalize(1e-6).unwrap_or(mirrored);
+            }
+        }
         notes.push(format!(
-            "limbs turn faster than bodies do in the first {fast} frames, which frame {fast} replaces"
+            "limbs turn faster than bodies do in the first {fast} frames, which what follows frame {fast} replaces"
         ));
     }
 }

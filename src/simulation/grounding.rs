@@ -20,6 +20,8 @@ const FADE_SECS: f64 = 0.1;
 const SMOOTHING_SECS: f64 = 0.03;
 /// Corrections none of which is larger than this are left out, metres.
 const NEGLIGIBLE_M: f64 = 0.002;
+/// Height within which a foot of a body that steps is left as it is, metres: mending it would jerk more than it helps.
+const STEPPING_TOLERANCE_M: f64 = 0.01;
 /// Height, as a multiple of the largest correction, from which on a foot at rest does not stand on the floor.
 const TOO_FAR: f64 = 1.5;
 /// Steps in which the knee is found, and the largest of them, radians.
@@ -38,7 +40,8 @@ pub(super) fn ground_feet(
     // Without chains the body cannot be simulated either, which is told elsewhere.
     let Ok(chains) = chains(humanoid) else { return Ok(motion) };
     let soles = SoleTracks::new(humanoid, &motion);
-    let lifts = [0, 1].map(|foot| lift_m(&soles, foot, shift_m, limit_m));
+    let still = soles.stand_still();
+    let lifts = [0, 1].map(|foot| lift_m(&soles, foot, still, shift_m, limit_m));
     let largest = lifts.iter().flatten().fold(0.0_f64, |largest, lift| largest.max(lift.abs()));
     if largest < NEGLIGIBLE_M {
         return Ok(motion);
@@ -52,13 +55,16 @@ pub(super) fn ground_feet(
     Ok(motion)
 }
 
-/// Vertical correction of one foot by frame, metres.
-fn lift_m(soles: &SoleTracks, foot: usize, shift_m: f64, limit_m: f64) -> Vec<f64> {
+/// Vertical correction of one foot by frame, metres; `still`: both feet rest all the time.
+fn lift_m(soles: &SoleTracks, foot: usize, still: bool, shift_m: f64, limit_m: f64) -> Vec<f64> {
+    let tolerance_m = if still { 0.0 } else { STEPPING_TOLERANCE_M };
     let count = soles.feet.len();
     let frames = |secs: f64| (secs / soles.interval_secs).round() as usize;
     let stands = |frame: usize| {
-        let sole = &soles.feet[frame][foot];
-        sole.stands() && sole.lowest_m.abs() < TOO_FAR * limit_m
+        let [sole, other] = [foot, 1 - foot].map(|foot| &soles.feet[frame][foot]);
+        // One that hangs while the other carries may be held up on purpose.
+        let carries = still || sole.lowest_m <= tolerance_m || other.lowest_m > tolerance_m;
+        sole.stands() && carries && sole.lowest_m.abs() < TOO_FAR * limit_m
     };
     let mut wanted: Vec<Option<f64>> = vec![None; count];
     let mut start = 0;
@@ -70,6 +76,7 @@ fn lift_m(soles: &SoleTracks, foot: usize, shift_m: f64, limit_m: f64) -> Vec<f6
             let mut heights: Vec<f64> = soles.feet[window].iter().map(|feet| feet[foot].lowest_m).collect();
             let middle = heights.len() / 2;
             let height = *heights.select_nth_unstable_by(middle, f64::total_cmp).1;
+            let height = height - height.clamp(-tolerance_m, tolerance_m);
             wanted[frame] = Some((shift_m - height).clamp(-limit_m, limit_m) - shift_m);
         }
         start = end + 1;
@@ -189,7 +196,8 @@ mod tests {
         let humanoid = Humanoid::new(Body::with_default_mass(1.75)).unwrap();
         let motion = standing(&humanoid, 0.012);
         let mut notes = Vec::new();
-        let grounded = ground_feet(&humanoid, motion.clone(), 0.0, 0.03, &mut |note| notes.push(note)).unwrap();
+        let grounded =
+            ground_feet(&humanoid, motion.clone(), 0.0, 0.03, &mut |note| notes.push(note)).unwrap();
         assert_eq!(notes.len(), 1);
         let soles = SoleTracks::new(&humanoid, &grounded);
         let worst = soles.feet.iter().flatten().fold(0.0_f64, |worst, sole| worst.max(sole.lowest_m.abs()));

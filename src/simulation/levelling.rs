@@ -11,11 +11,9 @@ use crate::humanoid::Humanoid;
 use crate::motion::{JOINTS, Motion, MotionError, joint_index};
 
 /// Largest slope of a standing sole that is taken for a fault of marker fit and shoes, radians.
-const LARGEST_LEVELLING_RAD: f64 = 0.2;
+const LARGEST_LEVELLING_RAD: f64 = 0.35;
 /// Largest tilt of the pelvis that is taken for such a fault, radians.
 const LARGEST_TILT_RAD: f64 = 0.1;
-/// Share of the frames in which both feet must stand for the soles to be levelled.
-const STANDING_SHARE: f64 = 0.95;
 /// Difference in height of the two levelled soles from which on the pelvis is tilted, metres.
 const SMALLEST_STEP_M: f64 = 0.001;
 /// Largest difference that may be left, metres; a larger one says that the fit is off elsewhere.
@@ -30,9 +28,7 @@ pub(super) fn level_soles(
     motion: Motion,
     note: &mut impl FnMut(String),
 ) -> Result<Motion, MotionError> {
-    let soles = SoleTracks::new(humanoid, &motion);
-    let standing = soles.feet.iter().filter(|feet| feet.iter().all(Sole::stands)).count();
-    if (standing as f64) < STANDING_SHARE * soles.feet.len() as f64 {
+    if !SoleTracks::new(humanoid, &motion).stand_still() {
         return Ok(motion);
     }
     let mut messages = Vec::new();

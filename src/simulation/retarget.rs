@@ -84,7 +84,8 @@ pub(super) fn retarget(
         ));
     }
 
-    let reference = if limit > 0.0 { ground_feet(humanoid, shifted, shift, limit, &mut note)? } else { shifted };
+    let reference =
+        if limit > 0.0 { ground_feet(humanoid, shifted, shift, limit, &mut note)? } else { shifted };
 
     let mut command = reference.clone();
     if settings.swing_lift {

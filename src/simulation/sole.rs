@@ -9,6 +9,8 @@ use crate::motion::Motion;
 pub(super) const STANCE_SPEED_M_S: f64 = 0.3;
 /// A foot of which no point is faster than this stands flat, m/s.
 const FLAT_SPEED_M_S: f64 = 0.15;
+/// Share of the frames in which both feet must rest for a motion to be one of standing.
+const STANDING_SHARE: f64 = 0.95;
 /// Half the time over which speeds are measured, seconds.
 const SPEED_HALF_WINDOW_SECS: f64 = 0.02;
 
@@ -70,6 +72,12 @@ impl SoleTracks {
             })
             .collect();
         Self { interval_secs: 1.0 / motion.rate_hz(), feet }
+    }
+
+    /// Whether both feet rest in nearly every frame: the motion is one of standing.
+    pub fn stand_still(&self) -> bool {
+        let standing = self.feet.iter().filter(|feet| feet.iter().all(Sole::stands)).count();
+        standing as f64 >= STANDING_SHARE * self.feet.len() as f64
     }
 
     /// Median height of the lowest sole point while a foot stands; `None` when none ever does.
