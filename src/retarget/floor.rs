@@ -140,6 +140,7 @@ fn fit(rests: &[Rest], middle_m: &Vector3<f64>) -> Option<([f64; 2], Vec<f64>)> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::retarget::role::{NUM_ORIENTED, NUM_ROLES};
 
     /// Steps of 0.7 m along y on a floor that rises with y, each toe resting for 0.6 of a second.
     fn walk(slope: f64, bump: impl Fn(usize) -> f64) -> FootPaths {
@@ -164,11 +165,11 @@ mod tests {
         assert!((floor.slope_rad() - 0.014).abs() < 0.001, "{}", floor.slope_rad());
         let standing = Vector3::new(0.1, 2.0, 0.028);
         let mut frames =
-            [SourceFrame { centres: [standing; super::super::NUM_ROLES], axes: [[Vector3::z(); 2]; 15] }];
+            [SourceFrame { centres: [standing; NUM_ROLES], axes: [[Vector3::z(); 2]; NUM_ORIENTED] }];
         floor.level(&mut frames);
         let other = walk(0.014, |_| 0.0).toes[0][10];
         let mut second =
-            [SourceFrame { centres: [other; super::super::NUM_ROLES], axes: [[Vector3::z(); 2]; 15] }];
+            [SourceFrame { centres: [other; NUM_ROLES], axes: [[Vector3::z(); 2]; NUM_ORIENTED] }];
         floor.level(&mut second);
         assert!((frames[0].centres[0].z - second[0].centres[0].z).abs() < 0.002);
     }
@@ -180,6 +181,8 @@ mod tests {
         // A stair of two steps is no plane.
         let stair = |step: usize| 0.15 * (step / 2).min(1) as f64;
         assert!(Floor::sloping(&walk(0.0, stair), 100.0).is_none());
-        assert!(Floor::sloping(&walk(0.014, |_| 0.0), 0.5).is_none(), "too few frames a rest");
+        let mut short = walk(0.014, |_| 0.0);
+        short.toes.iter_mut().for_each(|toe| toe.truncate(60));
+        assert!(Floor::sloping(&short, 100.0).is_none(), "two rests make no plane");
     }
 }

@@ -22,6 +22,8 @@ const SMOOTHING_SECS: f64 = 0.03;
 const NEGLIGIBLE_M: f64 = 0.002;
 /// Height within which a foot of a body that steps is left as it is, metres: mending it would jerk more than it helps.
 const STEPPING_TOLERANCE_M: f64 = 0.01;
+/// Height from which on a foot of a body that does not step is held up while the other carries, metres.
+const HELD_UP_M: f64 = 0.01;
 /// Height, as a multiple of the largest correction, from which on a foot at rest does not stand on the floor.
 const TOO_FAR: f64 = 1.5;
 /// Steps in which the knee is found, and the largest of them, radians.
@@ -62,8 +64,8 @@ fn lift_m(soles: &SoleTracks, foot: usize, still: bool, shift_m: f64, limit_m: f
     let frames = |secs: f64| (secs / soles.interval_secs).round() as usize;
     let stands = |frame: usize| {
         let [sole, other] = [foot, 1 - foot].map(|foot| &soles.feet[frame][foot]);
-        // One that hangs while the other carries may be held up on purpose.
-        let carries = still || sole.lowest_m <= tolerance_m || other.lowest_m > tolerance_m;
+        // Of a body that does not step, a foot that hangs while the other carries is held up on purpose.
+        let carries = !still || sole.lowest_m <= HELD_UP_M || other.lowest_m > HELD_UP_M;
         sole.stands() && carries && sole.lowest_m.abs() < TOO_FAR * limit_m
     };
     let mut wanted: Vec<Option<f64>> = vec![None; count];
