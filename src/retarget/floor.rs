@@ -147,7 +147,7 @@ mod tests {
         let foot = |foot: usize| -> Vec<Vector3<f64>> {
             (0..600)
                 .map(|frame| {
-                    let phase = frame as f64 / 100.0 + 0.5 * foot as f64;
+                    let phase = f64::from(frame) / 100.0 + 0.5 * foot as f64;
                     let (step, part) = (phase.floor(), phase.fract());
                     let swing = ((part - 0.6) / 0.4).max(0.0);
                     let y = 0.7 * (step + swing) - 0.35 * foot as f64;

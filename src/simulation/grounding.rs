@@ -72,14 +72,14 @@ fn lift_m(soles: &SoleTracks, foot: usize, still: bool, shift_m: f64, limit_m: f
     let mut start = 0;
     while start < count {
         let end = (start..count).find(|&frame| !stands(frame)).unwrap_or(count);
-        for frame in start..end {
+        for (frame, wanted) in wanted.iter_mut().enumerate().take(end).skip(start) {
             let reach = frames(HALF_WINDOW_SECS);
             let window = frame.saturating_sub(reach).max(start)..(frame + reach + 1).min(end);
             let mut heights: Vec<f64> = soles.feet[window].iter().map(|feet| feet[foot].lowest_m).collect();
             let middle = heights.len() / 2;
             let height = *heights.select_nth_unstable_by(middle, f64::total_cmp).1;
             let height = height - height.clamp(-tolerance_m, tolerance_m);
-            wanted[frame] = Some((shift_m - height).clamp(-limit_m, limit_m) - shift_m);
+            *wanted = Some((shift_m - height).clamp(-limit_m, limit_m) - shift_m);
         }
         start = end + 1;
     }
