@@ -5,6 +5,7 @@
 //! Nothing is read from files here, and physics is not consulted.
 
 mod correspondence;
+mod floor;
 mod hold;
 mod library;
 mod low_pass;

@@ -2,6 +2,7 @@
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
 
+use super::floor::Floor;
 use super::low_pass::low_pass;
 use super::role::{NUM_ORIENTED, NUM_ROLES, ORIENTED};
 use super::size::{Proportions, height_m};
@@ -117,7 +118,23 @@ impl Source {
             ));
         }
         let height_m = stated_height_m.unwrap_or(in_units * unit_m);
-        Ok(Self { frames, rate_hz, has, height_m, notes })
+        let mut source = Self { frames, rate_hz, has, height_m, notes };
+        if !correspondence.same_body {
+            source.level_floor();
+        }
+        Ok(source)
+    }
+}
+
+impl Source {
+    fn level_floor(&mut self) {
+        if let Some(floor) = Floor::sloping(&self.foot_paths(), self.rate_hz) {
+            floor.level(&mut self.frames);
+            self.notes.push(format!(
+                "the floor on which feet rest slopes by {:.1} degrees and is turned level",
+                floor.slope_rad().to_degrees()
+            ));
+        }
     }
 }
 
@@ -176,7 +193,8 @@ impl Reader {
 }
 
 /// Some converters begin with a pose of their own and blend into the recording within a few frames: while limbs turn
-/// faster than bodies do, the first frames are replaced by the first that does not.
+/// faster than bodies do, the first frames are replaced by those after the first that does not, in reverse: the movement
+/// keeps its speed where the recording begins.
 fn settle_start(frames: &mut [SourceFrame], rate_hz: f64, notes: &mut Vec<String>) {
     let limbs = [
         (Role::LeftShoulder, Role::LeftElbow),
@@ -195,9 +213,22 @@ fn settle_start(frames: &mut [SourceFrame], rate_hz: f64, notes: &mut Vec<String
         frames.windows(2).take(MAX_BLEND_FRAMES).take_while(|pair| speed(pair) > BLEND_SPEED_RAD_S).count();
     if fast > 0 && fast < frames.len() - 1 {
         let settled = frames[fast];
-        frames[..fast].fill(settled);
+        for back in 1..=fast {
+            let ahead = frames[(fast + back).min(frames.len() - 1)];
+            let frame = &mut frames[fast - back];
+            for (centre, (at, after)) in
+                frame.centres.iter_mut().zip(settled.centres.iter().zip(&ahead.centres))
+            {
+                *centre = at * 2.0 - after;
+            }
+            let axes = settled.axes.iter().flatten().zip(ahead.axes.iter().flatten());
+            for (axis, (at, after)) in frame.axes.iter_mut().flatten().zip(axes) {
+                let mirrored = at * 2.0 - after;
+                *axis = mirrored.try_normalize(1e-6).unwrap_or(mirrored);
+            }
+        }
         notes.push(format!(
-            "limbs turn faster than bodies do in the first {fast} frames, which frame {fast} replaces"
+            "limbs turn faster than bodies do in the first {fast} frames, which what follows frame {fast} replaces"
         ));
     }
 }

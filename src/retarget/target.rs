@@ -11,7 +11,7 @@
 //!
 //! The path through the world is that of the source, unscaled.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, UnitVector3, Vector3};
 
 use super::hold::{Corrections, hold_feet};
 use super::role::{NUM_ORIENTED, ORIENTED, Segment};
@@ -122,6 +122,8 @@ pub(super) struct Plan {
     levels: [Option<usize>; 2],
     /// Turns the source's foot axes so that its standing sole is level (left, right).
     levelling: [UnitQuaternion<f64>; 2],
+    /// Slope of the source's toes when its feet stand flat, radians, positive with the tip up (left, right).
+    toe_slopes_rad: [f64; 2],
     stance: Stance,
     corrections: Corrections,
     ankle_height_m: f64,
@@ -165,6 +167,7 @@ impl Plan {
             axes: Vec::new(),
             levels: [None; 2],
             levelling: [UnitQuaternion::identity(); 2],
+            toe_slopes_rad: [0.0; 2],
             corrections: vec![[Vector3::zeros(); 2]; source.frames.len()],
             stance: Stance::of(&source.foot_paths(), source.rate_hz),
             ankle_height_m: proportions.ankle * humanoid.body.height_m,
@@ -177,6 +180,7 @@ impl Plan {
         plan.find_floor(correspondence);
         if !correspondence.same_body {
             plan.level_soles(source);
+            plan.level_toes(source);
         }
 
         for (index, bone) in BONES.iter().enumerate() {
@@ -288,6 +292,35 @@ impl Plan {
         }
     }
 
+    /// Finds how far the source's toes point up or down when their feet stand flat.
+    fn level_toes(&mut self, source: &Source) {
+        for (foot, segment) in [Segment::LeftToes, Segment::RightToes].into_iter().enumerate() {
+            let slopes: Vec<f64> = source
+                .frames
+                .iter()
+                .zip(&self.stance.flat)
+                .filter(|(_, flat)| flat[foot])
+                .map(|(frame, _)| frame.axes[segment as usize][1].z)
+                .filter(|slope| slope.is_finite())
+                .map(|slope| slope.clamp(-1.0, 1.0).asin())
+                .collect();
+            if !slopes.is_empty() {
+                self.toe_slopes_rad[foot] =
+                    quantile(&slopes, 0.5).clamp(-LARGEST_LEVELLING_RAD, LARGEST_LEVELLING_RAD);
+            }
+        }
+    }
+
+    /// The toes' forward axis, as far up or down as when they stand level.
+    fn levelled_toes(&self, foot: usize, frame: &SourceFrame, forward: Vector3<f64>) -> Vector3<f64> {
+        let [up, ahead] = frame.axes[[Segment::LeftFoot, Segment::RightFoot][foot] as usize];
+        match UnitVector3::try_new(ahead.cross(&up), 1e-6) {
+            // A positive turn about the right lifts the tip.
+            Some(right) => UnitQuaternion::from_axis_angle(&right, -self.toe_slopes_rad[foot]) * forward,
+            None => forward,
+        }
+    }
+
     /// Keeps the standing feet of these poses in place and on the floor when targets are filled again.
     pub(super) fn hold_feet(
         &mut self,
@@ -338,19 +371,18 @@ impl Plan {
         }
         for &(number, axis, weight) in &self.axes {
             let [up, forward] = frame.axes[number];
-            let foot = match ORIENTED[number].0 {
-                Segment::LeftFoot => Some(0),
-                Segment::RightFoot => Some(1),
-                _ => None,
+            let levelled_foot = |foot: usize| {
+                // Our axes in the source's foot, levelled there.
+                let local = if axis == 0 { Vector3::z() } else { Vector3::y() };
+                let turned = self.levelling[foot].inverse() * local;
+                forward.cross(&up) * turned.x + forward * turned.y + up * turned.z
             };
-            let value = match foot {
-                Some(foot) => {
-                    // Our axes in the source's foot, levelled there.
-                    let local = if axis == 0 { Vector3::z() } else { Vector3::y() };
-                    let turned = self.levelling[foot].inverse() * local;
-                    forward.cross(&up) * turned.x + forward * turned.y + up * turned.z
-                }
-                None => [up, forward][axis],
+            let value = match ORIENTED[number].0 {
+                Segment::LeftFoot => levelled_foot(0),
+                Segment::RightFoot => levelled_foot(1),
+                Segment::LeftToes if axis == 1 => self.levelled_toes(0, frame, forward),
+                Segment::RightToes if axis == 1 => self.levelled_toes(1, frame, forward),
+                _ => [up, forward][axis],
             };
             targets.push(direction(value, weight));
         }

@@ -29,6 +29,8 @@ const ESCAPE_GAIN: f64 = 0.5;
 const ESCAPE_PAUSE_SECS: f64 = 0.3;
 const ESCAPE_STEPS: usize = 12;
 const NUM_SWEEPS: usize = 4;
+/// Neighbours that differ by this much in some angle do the same in different ways, radians.
+const OTHER_WAY_RAD: f64 = 0.3;
 
 /// Solves all frames; returns poses in tree order.
 pub(super) fn track(humanoid: &Humanoid, source: &Source, plan: &mut Plan) -> Vec<Pose> {
@@ -82,11 +84,28 @@ pub(super) fn track(humanoid: &Humanoid, source: &Source, plan: &mut Plan) -> Ve
                 neighbours[1] = (&after.angles, smooth);
             }
             towards(&mut prior, &neighbours);
-            solver.solve(&mut pose, &targets, &prior, SWEEP_STEPS);
+            let mut least = solver.solve(&mut pose, &targets, &prior, SWEEP_STEPS);
+            // Where a neighbour found another way to do the same, it is tried here too, so that changes of sides are few.
+            for neighbour in [index.checked_sub(1), Some(index + 1)].into_iter().flatten() {
+                let Some(other) = poses.get(neighbour).filter(|other| turned(&pose, other) > OTHER_WAY_RAD)
+                else {
+                    continue;
+                };
+                let mut candidate = Pose { root: pose.root, angles: other.angles };
+                let cost = solver.solve(&mut candidate, &targets, &prior, TRACK_STEPS);
+                if cost < least {
+                    (pose, least) = (candidate, cost);
+                }
+            }
             poses[index] = pose;
         }
     }
     poses
+}
+
+/// Largest difference of an angle, radians.
+fn turned(pose: &Pose, other: &Pose) -> f64 {
+    pose.angles.iter().zip(&other.angles).fold(0.0, |largest, (a, b)| largest.max((a - b).abs()))
 }
 
 /// A way out for an arm that has run into its limits on the wrong side: other starts of the shoulder.

@@ -11,17 +11,15 @@ use crate::humanoid::Humanoid;
 use crate::motion::{JOINTS, Motion, MotionError, joint_index};
 
 /// Largest slope of a standing sole that is taken for a fault of marker fit and shoes, radians.
-const LARGEST_LEVELLING_RAD: f64 = 0.2;
+const LARGEST_LEVELLING_RAD: f64 = 0.35;
 /// Largest tilt of the pelvis that is taken for such a fault, radians.
 const LARGEST_TILT_RAD: f64 = 0.1;
-/// Share of the frames in which both feet must stand for the soles to be levelled.
-const STANDING_SHARE: f64 = 0.95;
 /// Difference in height of the two levelled soles from which on the pelvis is tilted, metres.
 const SMALLEST_STEP_M: f64 = 0.001;
 /// Largest difference that may be left, metres; a larger one says that the fit is off elsewhere.
 const LARGEST_STEP_M: f64 = 0.005;
 
-/// Levels the soles of a motion that stands, by constant offsets of ankle and toe angles and a constant tilt of the pelvis.
+/// Levels the soles of a motion that stands, by constant offsets of ankle, midfoot and toe angles and a constant tilt of the pelvis.
 ///
 /// A motion that steps keeps its ankles: turning them would make the heel of the swinging foot scuff.
 /// So does one whose soles, once level, would not lie on one floor.
@@ -30,9 +28,7 @@ pub(super) fn level_soles(
     motion: Motion,
     note: &mut impl FnMut(String),
 ) -> Result<Motion, MotionError> {
-    let soles = SoleTracks::new(humanoid, &motion);
-    let standing = soles.feet.iter().filter(|feet| feet.iter().all(Sole::stands)).count();
-    if (standing as f64) < STANDING_SHARE * soles.feet.len() as f64 {
+    if !SoleTracks::new(humanoid, &motion).stand_still() {
         return Ok(motion);
     }
     let mut messages = Vec::new();
@@ -114,24 +110,29 @@ fn with_level_soles(
 ) -> Result<Motion, MotionError> {
     for (foot, prefix) in ["L", "R"].into_iter().enumerate() {
         let joint = |suffix: &str| joint_index(&format!("{prefix}{suffix}"));
-        let (Some(pitch), Some(roll), Some(toe)) = (joint("Ax"), joint("Ay"), joint("Fx")) else { continue };
-        let mut sum = [0.0; 3];
+        let (Some(pitch), Some(roll), Some(midfoot), Some(toe)) =
+            (joint("Ax"), joint("Ay"), joint("Mrot"), joint("Fx"))
+        else {
+            continue;
+        };
+        let mut sum = [0.0; 4];
         // The axes are not quite along the slopes, so a second round removes what the first one left.
         for _ in 0..2 {
             let soles = SoleTracks::new(humanoid, &motion);
             let slopes = [
                 soles.standing_median(foot, |sole| sole.pitch_rad),
                 soles.standing_median(foot, |sole| sole.roll_rad),
+                soles.standing_median(foot, |sole| sole.ball_roll_rad - sole.roll_rad),
                 soles.standing_median(foot, |sole| sole.toe_pitch_rad - sole.pitch_rad),
             ];
-            let [Some(pitch_rad), Some(roll_rad), Some(toe_rad)] = slopes else { break };
+            let [Some(pitch_rad), Some(roll_rad), Some(twist_rad), Some(toe_rad)] = slopes else { break };
             // Positive x lifts the front, positive y lowers the right side.
-            let wanted = [sum[0] - pitch_rad, sum[1] + roll_rad, sum[2] - toe_rad];
+            let wanted = [sum[0] - pitch_rad, sum[1] + roll_rad, sum[2] + twist_rad, sum[3] - toe_rad];
             let bounded = wanted.map(|offset| offset.clamp(-LARGEST_LEVELLING_RAD, LARGEST_LEVELLING_RAD));
-            let change = [0, 1, 2].map(|index| bounded[index] - sum[index]);
+            let change = [0, 1, 2, 3].map(|index| bounded[index] - sum[index]);
             sum = bounded;
             motion = motion.map_frames(|_, frame| {
-                for (joint, offset) in [pitch, roll, toe].into_iter().zip(change) {
+                for (joint, offset) in [pitch, roll, midfoot, toe].into_iter().zip(change) {
                     let angle = frame.joint_angles_rad[joint] + offset;
                     frame.joint_angles_rad[joint] =
                         angle.clamp(JOINTS[joint].lower_rad, JOINTS[joint].upper_rad);
@@ -139,10 +140,11 @@ fn with_level_soles(
             })?;
         }
         if sum.iter().any(|offset| offset.abs() > 1e-3) {
-            let [pitch, roll, toe] = sum.map(f64::to_degrees);
+            let [pitch, roll, midfoot, toe] = sum.map(f64::to_degrees);
             let side = if foot == 0 { "left" } else { "right" };
             messages.push(format!(
-                "levelled the {side} sole of stance: ankle {pitch:+.1} deg pitch, {roll:+.1} deg roll, toes {toe:+.1} deg"
+                "levelled the {side} sole of stance: ankle {pitch:+.1} deg pitch, {roll:+.1} deg roll, \
+                 midfoot {midfoot:+.1} deg, toes {toe:+.1} deg"
             ));
         }
     }

@@ -18,6 +18,7 @@ mod engine;
 mod fall;
 mod feed_forward;
 mod gains;
+mod grounding;
 mod levelling;
 mod multibody;
 mod reference;

@@ -6,11 +6,14 @@
 //!   over legs that keep their directions;
 //! - *ground shift*: the whole motion is moved vertically so that the soles of stance meet the floor, by a bounded amount
 //!   (an unbounded shift would hide floating);
+//! - *feet to the floor*: a foot that rests is moved onto the floor by bending its leg, shift included by no more than the
+//!   same bound;
 //! - *jump filter*: joint angles that jump between two frames faster than a joint moves ([`crate::motion::filter_jumps`]);
 //! - *limit clamp*: angles beyond the joint limits are cut, since the body cannot reach them;
 //! - *swing lift*: recorded feet pass the floor by a few millimetres, and simulated ones then scuff and trip, so the
 //!   swinging leg is bent a little more. Only the command is lifted; errors are measured against the unlifted motion.
 
+use super::grounding::ground_feet;
 use super::levelling::level_soles;
 use super::sole::SoleTracks;
 use super::{Event, EventKind, SimulationSettings};
@@ -72,7 +75,7 @@ pub(super) fn retarget(
     let standing = SoleTracks::new(humanoid, &levelled).standing_height_m();
     let limit = settings.ground_correction_limit_m;
     let shift = (-standing.unwrap_or(0.0)).clamp(-limit, limit);
-    let reference = levelled.map_frames(|_, frame| frame.root_position_m[2] += shift)?;
+    let shifted = levelled.map_frames(|_, frame| frame.root_position_m[2] += shift)?;
     if let Some(standing) = standing.filter(|standing| limit > 0.0 && standing.abs() > 5e-5) {
         note(format!(
             "moved {:+.1} mm vertically, stance soles were at {:+.1} mm",
@@ -80,6 +83,9 @@ pub(super) fn retarget(
             standing * 1e3
         ));
     }
+
+    let reference =
+        if limit > 0.0 { ground_feet(humanoid, shifted, shift, limit, &mut note)? } else { shifted };
 
     let mut command = reference.clone();
     if settings.swing_lift {
@@ -127,7 +133,7 @@ fn lift(soles: &SoleTracks, side: Side) -> Vec<f64> {
 }
 
 /// Mean over `reach` values on either side, with the ends held.
-fn moving_average(values: &[f64], reach: usize) -> Vec<f64> {
+pub(super) fn moving_average(values: &[f64], reach: usize) -> Vec<f64> {
     let last = values.len().saturating_sub(1);
     (0..values.len())
         .map(|center| {

@@ -9,6 +9,8 @@ use crate::motion::Motion;
 pub(super) const STANCE_SPEED_M_S: f64 = 0.3;
 /// A foot of which no point is faster than this stands flat, m/s.
 const FLAT_SPEED_M_S: f64 = 0.15;
+/// Share of the frames in which both feet must rest for a motion to be one of standing.
+const STANDING_SHARE: f64 = 0.95;
 /// Half the time over which speeds are measured, seconds.
 const SPEED_HALF_WINDOW_SECS: f64 = 0.02;
 
@@ -24,8 +26,10 @@ pub(super) struct Sole {
     pub pitch_rad: f64,
     /// Slope from ball to toes, radians, positive with the toes up.
     pub toe_pitch_rad: f64,
-    /// Slope of heel and ball towards +x of the foot, radians, positive with the right side up.
+    /// Slope of the heel towards +x of the foot, radians, positive with the right side up.
     pub roll_rad: f64,
+    /// Slope of the ball towards +x of the foot, radians, positive with the right side up.
+    pub ball_roll_rad: f64,
 }
 
 impl Sole {
@@ -70,6 +74,12 @@ impl SoleTracks {
         Self { interval_secs: 1.0 / motion.rate_hz(), feet }
     }
 
+    /// Whether both feet rest in nearly every frame: the motion is one of standing.
+    pub fn stand_still(&self) -> bool {
+        let standing = self.feet.iter().filter(|feet| feet.iter().all(Sole::stands)).count();
+        standing as f64 >= STANDING_SHARE * self.feet.len() as f64
+    }
+
     /// Median height of the lowest sole point while a foot stands; `None` when none ever does.
     pub fn standing_height_m(&self) -> Option<f64> {
         median(self.feet.iter().filter_map(|feet| {
@@ -110,7 +120,8 @@ fn sole(humanoid: &Humanoid, side: Side, points: &[Point3<f64>], speed: impl Fn(
         lowest_m,
         pitch_rad: slope_rad(&middles[0], &middles[1]),
         toe_pitch_rad: slope_rad(&middles[1], &middles[2]),
-        roll_rad: (roll(0) + roll(1)) / 2.0,
+        roll_rad: roll(0),
+        ball_roll_rad: roll(1),
     }
 }
 
