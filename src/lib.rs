@@ -80,3 +80,4 @@ pub mod robot;
 pub mod simulation;
 pub mod synthesis;
 pub mod training;
+pub mod translation;
