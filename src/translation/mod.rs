@@ -30,7 +30,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use crate::dataset::WordVectors;
 use crate::features::TokenRule;
 use crate::model::{Bundle, BundleError, Frames, MotionLength};
-use crate::motion::{Body, Frame, Motion, MotionError, NUM_CHANNELS};
+use crate::motion::{Body, Motion, MotionError, NUM_CHANNELS};
 
 /// Most words of a sentence; the longest caption of KIT-ML has 42.
 const MAX_WORDS: usize = 500;
@@ -219,16 +219,12 @@ impl Translator {
     /// # Errors
     /// [`TranslationError`] when the length cannot be, or what the model makes is no motion.
     pub fn act(&self, latent: Vec<f32>, acting: &Acting) -> Result<Acted, TranslationError> {
-        let config = &self.bundle.config;
         let length = match acting.length_secs {
             None => MotionLength::Predicted,
             Some(secs) => MotionLength::Frames(vec![self.num_frames(secs)?]),
         };
         let mut motions = self.bundle.decode_motions(&self.tensor(&latent), None, &length);
-        let frames = motions.swap_remove(0);
-        let frames =
-            frames.iter().map(|frame| Frame::from_channels(&self.bundle.normalizer.denormalize(frame)));
-        let motion = Motion::new(acting.body, config.rate_hz, frames.collect())?;
+        let motion = self.bundle.motion_of(&motions.swap_remove(0), acting.body)?;
         Ok(Acted { motion, latent })
     }
 
@@ -274,15 +270,12 @@ impl Translator {
         if secs > MAX_STRETCH * seen {
             return Err(TranslationError::TooLong { secs, seen });
         }
-        let motion = motion.resampled(config.rate_hz)?;
-        if motion.num_frames() < 2 {
+        let frames = self.bundle.frames_of(motion)?;
+        if frames.len() < 2 {
             return Err(TranslationError::TooShort { secs, rate_hz: config.rate_hz });
         }
-        let normalizer = &self.bundle.normalizer;
-        let frames: Vec<_> =
-            motion.frames().iter().map(|frame| normalizer.normalize(&frame.to_channels())).collect();
         let mut warnings = Vec::new();
-        if motion.num_frames() > config.frames_seen.1 {
+        if frames.len() > config.frames_seen.1 {
             warnings
                 .push(format!("it lasts {secs:.1} s, longer than any motion of the training ({seen:.1} s)"));
         }

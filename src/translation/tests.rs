@@ -6,6 +6,7 @@ use super::*;
 use crate::features::{BOS, EOS, PreparedSet};
 use crate::model::Rprae;
 use crate::model::tests::tiny;
+use crate::motion::Frame;
 use crate::training::tests::four_pairs;
 
 fn set() -> PreparedSet {
