@@ -112,9 +112,10 @@ pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
     // Sentences that cannot be read, or a model, stop the run before any work.
     let loaded = language::load(&settings).or_usage()?;
     let (model, sentences) = loaded.map_or((None, None), |(model, sentences)| (Some(model), sentences));
-    let made = model.as_ref().zip(sentences).map(|(model, sentences)| {
-        Generated::new(references, sentences, name.clone(), model, &settings)
-    });
+    let made = model
+        .as_ref()
+        .zip(sentences)
+        .map(|(model, sentences)| Generated::new(references, sentences, name.clone(), model, &settings));
     let Some(source) = made.as_ref().map(|made| made as &dyn Source).or(references) else {
         // Without sentences there are references.
         return Err(anyhow!("find motions: give --motions or --captions")).or_usage();

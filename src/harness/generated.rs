@@ -62,9 +62,7 @@ impl<'a> Generated<'a> {
             .into_iter()
             .enumerate()
             .map(|(place, id)| (id, Origin::Reference(place)))
-            .chain(
-                sentences.iter().enumerate().map(|(place, (id, _))| (id.clone(), Origin::Sentence(place))),
-            )
+            .chain(sentences.iter().enumerate().map(|(place, (id, _))| (id.clone(), Origin::Sentence(place))))
             .collect();
         order.sort_by(|a, b| a.0.cmp(&b.0));
         let mut skipped = references.map(Source::skipped).unwrap_or_default();
@@ -89,11 +87,8 @@ impl<'a> Generated<'a> {
             .iter()
             .map(|made| upsampled(&made.motion, RATE_HZ).map_err(|error| error.to_string()))
             .collect::<Result<_, _>>()?;
-        let (kept, candidates) = if motions.len() > 1 {
-            choose(&motions, &self.settings.simulation)?
-        } else {
-            (0, Vec::new())
-        };
+        let (kept, candidates) =
+            if motions.len() > 1 { choose(&motions, &self.settings.simulation)? } else { (0, Vec::new()) };
         let sample = Sample {
             id: id.clone(),
             motion: motions.swap_remove(kept),

@@ -114,9 +114,8 @@ pub(super) struct ReadBack {
 /// # Errors
 /// Any error of the file system.
 pub fn bundle_sha256(folder: &Path) -> std::io::Result<String> {
-    let mut names: Vec<_> = std::fs::read_dir(folder)?
-        .map(|entry| Ok(entry?.file_name()))
-        .collect::<std::io::Result<_>>()?;
+    let mut names: Vec<_> =
+        std::fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect::<std::io::Result<_>>()?;
     names.retain(|name| name != "README.md");
     names.sort();
     let mut digest = Sha256::new();
@@ -142,11 +141,7 @@ pub(super) enum ReadBackError {
 impl Language {
     /// A model, with the checksum of its bundle, and perhaps an encoder with how it makes one vector of a sentence.
     #[must_use]
-    pub fn new(
-        translator: Translator,
-        bundle_sha256: &str,
-        encoder: Option<(Encoder, Pooling)>,
-    ) -> Self {
+    pub fn new(translator: Translator, bundle_sha256: &str, encoder: Option<(Encoder, Pooling)>) -> Self {
         let bundle: String = bundle_sha256.chars().take(12).collect();
         let signature = format!("bundle:{bundle}|beam:{}|len:{}", READ_BACK.beam, READ_BACK.length_exponent);
         Self { translator, encoder, signature }
@@ -195,8 +190,7 @@ impl Language {
         let latent_cosine =
             latents.iter().map(|latent| cosine(&described.latent, latent)).fold(-1.0, f64::max);
         let text = described.best().to_owned();
-        let segment =
-            Segment { id: String::new(), hypothesis: text.clone(), references: captions.to_vec() };
+        let segment = Segment { id: String::new(), hypothesis: text.clone(), references: captions.to_vec() };
         let [.., bleu] = SENTENCE_BLEU.measure(&Corpus::new(vec![segment])?);
         let sentence_cosine = match &self.encoder {
             Some((encoder, pooling)) => Some(nearest(encoder, *pooling, &text, captions)?),
@@ -213,8 +207,7 @@ fn nearest(
     text: &str,
     captions: &[String],
 ) -> Result<f64, EncoderError> {
-    let sentences: Vec<&str> =
-        std::iter::once(text).chain(captions.iter().map(String::as_str)).collect();
+    let sentences: Vec<&str> = std::iter::once(text).chain(captions.iter().map(String::as_str)).collect();
     let vectors = encoder.sentence_vectors(&sentences, pooling)?;
     Ok(vectors[1..].iter().map(|other| cosine(&vectors[0], other)).fold(-1.0, f64::max))
 }

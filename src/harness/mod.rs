@@ -233,7 +233,8 @@ pub fn run(
         // Not `sum`, which gives a negative zero for nothing.
         .fold(0.0, |total, secs| total + secs);
     let n_best = settings.language.as_ref().map_or(1, |language| language.n_best);
-    let language_metrics = language.map(|language| language.metrics(&settings.levels, n_best)).unwrap_or_default();
+    let language_metrics =
+        language.map(|language| language.metrics(&settings.levels, n_best)).unwrap_or_default();
     let metrics = METRICS
         .iter()
         .filter(|metric| settings.levels.contains(&metric.level))

@@ -30,18 +30,18 @@ pub(super) fn choose(
         motions.iter().map(|motion| judge(motion, settings)).collect::<Result<_, _>>()?;
     let badness: Vec<f64> = (0..motions.len()).map(|place| badness(&scores, place)).collect();
     let kept = (0..motions.len()).min_by(|&a, &b| badness[a].total_cmp(&badness[b])).unwrap_or(0);
-    let candidates = scores.into_iter().zip(badness).enumerate().map(|(place, (scores, badness))| Candidate {
-        badness,
-        kept: place == kept,
-        scores,
-    });
+    let candidates = scores
+        .into_iter()
+        .zip(badness)
+        .enumerate()
+        .map(|(place, (scores, badness))| Candidate { badness, kept: place == kept, scores });
     Ok((kept, candidates.collect()))
 }
 
 fn judge(motion: &Motion, settings: &SimulationSettings) -> Result<BTreeMap<String, f64>, String> {
     let humanoid = Humanoid::new(motion.body()).map_err(|error| format!("build the body: {error}"))?;
-    let simulation =
-        Simulation::new(&humanoid, motion, settings).map_err(|error| format!("judge a candidate: {error}"))?;
+    let simulation = Simulation::new(&humanoid, motion, settings)
+        .map_err(|error| format!("judge a candidate: {error}"))?;
     let mut all = kinematic_scores(&humanoid, motion);
     all.extend(inverse_scores(&humanoid, simulation.reference_motion()));
     let wanted = |key: &str| JUDGED.contains(&key) || key == DYNAMIC;
@@ -98,8 +98,11 @@ mod tests {
 
     #[test]
     fn gains_are_told_in_the_units_of_the_scores_and_so_is_their_price() {
-        let candidates =
-            [candidate(10.0, 5.0, 2.0, false), candidate(4.0, 3.0, 1.0, true), candidate(7.0, 1.0, 3.0, false)];
+        let candidates = [
+            candidate(10.0, 5.0, 2.0, false),
+            candidate(4.0, 3.0, 1.0, true),
+            candidate(7.0, 1.0, 3.0, false),
+        ];
         let of = |level| -> Vec<(&str, f64)> {
             gains(&candidates, level).iter().map(|score| (score.metric.key, score.value)).collect()
         };
