@@ -16,6 +16,7 @@ const RESULTS: &str = "results";
 
 /// Arguments of a run. What is not given comes from `--config`, and from the defaults where that is silent.
 #[derive(Debug, Default, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 pub(super) struct SimArgs {
     /// Motions to run: an MMM XML file, a folder or zip in the KIT-ML layout, a .npy, .npz or .csv table of
     /// frames x 50, or motion capture (.bvh, .amc beside its .asf, joint positions); the bundled suite when absent

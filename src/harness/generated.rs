@@ -127,3 +127,85 @@ impl Source for Generated<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::{CaptionRecord, Dataset};
+    use crate::model::tests::tiny;
+    use crate::model::{Bundle, Rprae};
+    use crate::training::tests::four_pairs;
+    use crate::translation::Translator;
+
+    fn language() -> Language {
+        let mut set = four_pairs();
+        set.normalizer.minimum.fill(-0.2);
+        set.normalizer.maximum.fill(0.2);
+        // Above the floor.
+        (set.normalizer.minimum[46], set.normalizer.maximum[46]) = (0.9, 1.0);
+        let model = Rprae::new(&tiny(), &set.vocabulary, 1, &crate::model::cpu().device);
+        Language::new(Translator::new(Bundle::new(&model, &tiny(), &set)), "0123456789abcdef", None)
+    }
+
+    fn sentences(texts: &[&str]) -> CaptionFile {
+        let texts = texts.iter().map(|&text| text.to_owned()).collect();
+        CaptionFile {
+            records: vec![CaptionRecord { texts, ..CaptionRecord::default() }],
+            ..CaptionFile::default()
+        }
+    }
+
+    fn settings(n_best: usize) -> RunSettings {
+        let language = LanguageSettings { n_best, height_m: 1.6, ..LanguageSettings::default() };
+        RunSettings { language: Some(language), ..RunSettings::default() }
+    }
+
+    #[test]
+    fn motions_made_stand_beside_those_that_are_there() {
+        let (language, settings, dataset) = (language(), settings(1), Dataset::bundled());
+        let references = ("bundled", &dataset);
+        let file = sentences(&["word0004 word0005", "nothing known"]);
+        let source = Generated::new(Some(&references), file, "both".to_owned(), &language, &settings);
+        let ids = source.ids();
+        assert_eq!(ids.len(), dataset.entries().len() + 2);
+        assert!(ids.is_sorted() && ids.contains(&"caption-001".to_owned()));
+        let at = |id: &str| ids.iter().position(|known| known == id).unwrap();
+        assert_eq!(source.load(at("90007")), references.load(6));
+        let (made, candidates) = source.load_chosen(at("caption-001")).unwrap();
+        assert_eq!((made.captions, candidates.len()), (vec!["word0004 word0005".to_owned()], 0));
+        assert_eq!((made.motion.rate_hz(), made.motion.body().height_m), (100.0, 1.6));
+        let skipped = source.load(at("caption-002")).unwrap_err();
+        assert!(skipped.reason.contains("none of its words"), "{}", skipped.reason);
+    }
+
+    #[test]
+    fn the_kept_one_of_several_is_the_one_that_runs() {
+        let (language, settings) = (language(), settings(3));
+        let file = || sentences(&["word0004 word0005"]);
+        let load = || {
+            let source = Generated::new(None, file(), "made".to_owned(), &language, &settings);
+            source.load_chosen(0).unwrap()
+        };
+        let (sample, candidates) = load();
+        assert_eq!(load(), (sample.clone(), candidates.clone()));
+        let kept: Vec<&Candidate> = candidates.iter().filter(|candidate| candidate.kept).collect();
+        assert_eq!((candidates.len(), kept.len()), (3, 1));
+        assert!(candidates.iter().all(|candidate| candidate.badness >= kept[0].badness));
+        let humanoid = crate::humanoid::Humanoid::new(sample.motion.body()).unwrap();
+        for score in crate::plausibility::kinematic_scores(&humanoid, &sample.motion) {
+            if let Some(value) = kept[0].scores.get(score.metric.key) {
+                assert_eq!(*value, score.value, "{}", score.metric.key);
+            }
+        }
+    }
+
+    #[test]
+    fn metrics_name_the_model_and_come_with_their_level() {
+        let language = language();
+        let metrics = language.metrics(&[crate::simulation::Level::L0], 1);
+        let keys: Vec<&str> = metrics.iter().map(|metric| metric.key.as_str()).collect();
+        // No encoder, no cosine; no choice, no gain.
+        assert_eq!(keys, ["l0/caption_bleu", "l0/caption_latent"]);
+        assert!(metrics[0].signature.starts_with("bundle:0123456789ab|beam:5"), "{}", metrics[0].signature);
+    }
+}

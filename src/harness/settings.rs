@@ -226,6 +226,9 @@ mod tests {
         assert_eq!(toml::from_str::<RunSettings>(&text).unwrap(), settings);
         let default = RunSettings::default();
         assert_eq!(toml::from_str::<RunSettings>(&default.to_toml().unwrap()).unwrap(), default);
+        let language = LanguageSettings { n_best: 4, length_secs: Some(2.5), ..LanguageSettings::default() };
+        let language = RunSettings { language: Some(language), ..default };
+        assert_eq!(toml::from_str::<RunSettings>(&language.to_toml().unwrap()).unwrap(), language);
     }
 
     #[test]
@@ -253,7 +256,13 @@ mod tests {
             settings.check().map_err(|problem| problem.to_string())
         };
         assert_eq!(checked(|_| ()), Ok(()));
-        let bad: [(&str, Change); 6] = [
+        let bad: [(&str, Change); 8] = [
+            ("language.n_best", |settings| {
+                settings.language = Some(LanguageSettings { n_best: 0, ..LanguageSettings::default() });
+            }),
+            ("language.noise", |settings| {
+                settings.language = Some(LanguageSettings { noise: f64::NAN, ..LanguageSettings::default() });
+            }),
             ("levels", |settings| settings.levels.clear()),
             ("limit", |settings| settings.limit = Some(0)),
             ("dt_secs", |settings| settings.simulation.dt_secs = f64::NAN),
@@ -265,6 +274,25 @@ mod tests {
             let message = checked(change).unwrap_err();
             assert!(message.contains(name), "{message}");
         }
+    }
+
+    #[test]
+    fn sentences_alone_take_the_place_of_the_suite() {
+        let of = |motions: Option<&str>, captions: Option<&str>, is_asked: bool| {
+            let captions = captions.map(PathBuf::from);
+            let language = LanguageSettings { captions, ..LanguageSettings::default() };
+            let settings = RunSettings {
+                motions: motions.map(PathBuf::from),
+                language: is_asked.then_some(language),
+                ..RunSettings::default()
+            };
+            (settings.has_references(), settings.has_generated())
+        };
+        assert_eq!(of(None, None, false), (true, false));
+        assert_eq!(of(None, None, true), (true, true));
+        assert_eq!(of(None, Some("a.txt"), true), (false, true));
+        assert_eq!(of(Some("b"), None, true), (true, false));
+        assert_eq!(of(Some("b"), Some("a.txt"), true), (true, true));
     }
 
     #[test]

@@ -205,7 +205,7 @@ impl Translator {
     /// # Errors
     /// [`TranslationError::NoWords`] when nothing is left, [`TranslationError::TooManyWords`].
     pub fn read(&self, caption: &str) -> Result<Reading, TranslationError> {
-        reading::read(&self.rule, &self.bundle.vocabulary, &self.vectors, caption)
+        reading::read(self.rule, &self.bundle.vocabulary, &self.vectors, caption)
     }
 
     /// The latent of a sentence, `[latent]`.

@@ -72,15 +72,13 @@ fn bends(knots: &[[f64; NUM_CURVES]]) -> Vec<[f64; NUM_CURVES]> {
     let mut pivots = vec![0.0; num_knots];
     for i in 1..num_knots - 1 {
         pivots[i] = 1.0 / (4.0 - pivots[i - 1]);
-        for curve in 0..NUM_CURVES {
+        bends[i] = std::array::from_fn(|curve| {
             let bend = 6.0 * (knots[i - 1][curve] - 2.0 * knots[i][curve] + knots[i + 1][curve]);
-            bends[i][curve] = (bend - bends[i - 1][curve]) * pivots[i];
-        }
+            (bend - bends[i - 1][curve]) * pivots[i]
+        });
     }
     for i in (1..num_knots - 1).rev() {
-        for curve in 0..NUM_CURVES {
-            bends[i][curve] -= pivots[i] * bends[i + 1][curve];
-        }
+        bends[i] = std::array::from_fn(|curve| bends[i][curve] - pivots[i] * bends[i + 1][curve]);
     }
     bends
 }

@@ -53,7 +53,8 @@ impl DescribedRecord {
         }
         for sentence in &self.sentences {
             let cut = if sentence.has_ended { "" } else { " ..." };
-            let _ = writeln!(text, "  {:8.2}  {}{cut}", sentence.log_probability, sentence.text);
+            let Sentence { score, log_probability, text: words, .. } = sentence;
+            let _ = writeln!(text, "  {score:7.2}  {words}{cut} (log p {log_probability:.2})");
         }
         for reference in &self.references {
             let _ = writeln!(text, "  reference: {reference}");

@@ -35,6 +35,7 @@ Examples:
 /// Arguments of a translation.
 #[derive(Debug, Default, Args)]
 #[command(after_help = EXAMPLES)]
+#[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 pub(super) struct TranslateArgs {
     /// The sentence to make a motion of; - or nothing reads sentences, or names of motion files, from standard input
     #[arg(value_name = "SENTENCE", conflicts_with_all = ["motions", "captions"])]
@@ -73,7 +74,7 @@ pub(super) struct TranslateArgs {
     /// Let the humanoid perform every motion made in the simulator (level 2), and read back what it did
     #[arg(long)]
     pub perform: bool,
-    /// Word vectors for words the model was not trained on: word2vec .bin, GloVe or fastText text, also .gz
+    /// Word vectors for words the model was not trained on: word2vec .bin, or text as `GloVe` and fastText have it, also .gz
     #[arg(long, value_name = "FILE")]
     pub vectors: Option<PathBuf>,
     /// Noise on the latent from the second motion of --n-best on, as a share of its spread over the vocabulary
@@ -236,7 +237,7 @@ impl Session<'_> {
             }
         }
         steps.finish();
-        write::records(targets, &records, Some(act::manifest(&records))).or_failed()?;
+        write::records(targets, &records, Some(&act::manifest(&records))).or_failed()?;
         self.print_counts(records.len(), "sentences", skipped, targets)
     }
 

@@ -106,7 +106,7 @@ pub(super) fn motion(path: &Path, motion: &Motion, name: &str, caption: &str) ->
 pub(super) fn records<T: Serialize>(
     targets: &[Target],
     records: &[T],
-    manifest: Option<String>,
+    manifest: Option<&str>,
 ) -> anyhow::Result<()> {
     for target in targets {
         match target {
@@ -119,7 +119,7 @@ pub(super) fn records<T: Serialize>(
                 whole(path, text.as_bytes())?;
             }
             Target::Folder(path) => {
-                if let Some(manifest) = &manifest {
+                if let Some(manifest) = manifest {
                     whole(&path.join(MANIFEST), manifest.as_bytes())?;
                 }
             }
