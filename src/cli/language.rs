@@ -21,6 +21,7 @@ pub(super) fn resolve(args: &SimArgs, settings: &mut RunSettings) -> anyhow::Res
         || args.n_best.is_some()
         || args.noise.is_some()
         || args.length.is_some()
+        || args.settle.is_some()
         || args.vectors.is_some()
         || args.sentence_encoder.is_some();
     let is_plain = args.config.is_none() && settings.motions.is_none() && bundled::model_folder().is_some();
@@ -36,6 +37,7 @@ pub(super) fn resolve(args: &SimArgs, settings: &mut RunSettings) -> anyhow::Res
     language.n_best = args.n_best.unwrap_or(language.n_best);
     language.noise = args.noise.unwrap_or(language.noise);
     language.length_secs = args.length.or(language.length_secs);
+    language.settle_secs = args.settle.unwrap_or(language.settle_secs);
     language.height_m = args.height.unwrap_or(language.height_m);
     language.vectors = args.vectors.clone().or(language.vectors.take());
     language.sentence_encoder = args.sentence_encoder.clone().or(language.sentence_encoder.take());

@@ -33,12 +33,15 @@ pub(super) struct SimArgs {
     /// Motions made of every sentence; the most plausible by levels 0 and 1 is run, and the gain reported [default: 1]
     #[arg(long, value_name = "N")]
     pub n_best: Option<usize>,
-    /// Noise on the latent from the second of --n-best on, as a share of its spread over the vocabulary [default: 0.3]
+    /// Noise on the latent from the second of --n-best on, as a share of its spread over the vocabulary [default: 0.5]
     #[arg(long, value_name = "SHARE")]
     pub noise: Option<f64>,
     /// Length in seconds of motions made [default: what the model predicts]
     #[arg(long, value_name = "SECONDS")]
     pub length: Option<f64>,
+    /// Seconds made and left out at the beginning, while the model finds into the movement [default: 0.5]
+    #[arg(long, value_name = "SECONDS")]
+    pub settle: Option<f64>,
     /// Word vectors for words the model was not trained on
     #[arg(long, value_name = "FILE")]
     pub vectors: Option<PathBuf>,
@@ -46,7 +49,7 @@ pub(super) struct SimArgs {
     #[arg(long, value_name = "DIR")]
     pub sentence_encoder: Option<PathBuf>,
     /// Make no motions and read no captions back, even where a model is bundled
-    #[arg(long, conflicts_with_all = ["bundle", "captions", "n_best", "noise", "length", "vectors", "sentence_encoder"])]
+    #[arg(long, conflicts_with_all = ["bundle", "captions", "n_best", "noise", "length", "settle", "vectors", "sentence_encoder"])]
     pub no_language: bool,
     /// Run folder; an unfinished run with the same settings there is continued. Default: results/NAME-NNN, a new one
     #[arg(long, value_name = "DIR")]

@@ -79,7 +79,7 @@ impl<'a> Generated<'a> {
         let latent = translator.latent_of(&reading);
         let mut body = Body::with_default_mass(settings.height_m);
         body.mass_kg = self.settings.mass_kg.unwrap_or(body.mass_kg);
-        let acting = Acting { length_secs: settings.length_secs, body };
+        let acting = Acting { length_secs: settings.length_secs, settle_secs: settings.settle_secs, body };
         let seed = self.settings.seed;
         let made = translator.act_often(&latent, &acting, settings.n_best, settings.noise, seed);
         let mut motions: Vec<Motion> = made

@@ -17,7 +17,7 @@ use crate::manifest::{hex, sha256_hex};
 use crate::motion::{Motion, bounds};
 use crate::report::MetricRecord;
 use crate::simulation::Level;
-use crate::translation::{DEFAULT_NOISE, Search, TranslationError, Translator};
+use crate::translation::{DEFAULT_NOISE, DEFAULT_SETTLE_SECS, Search, TranslationError, Translator};
 
 /// Most motions of one sentence.
 const MAX_N_BEST: usize = 1000;
@@ -44,6 +44,8 @@ pub struct LanguageSettings {
     pub noise: f64,
     /// Length of motions made, seconds; what the model predicts when absent.
     pub length_secs: Option<f64>,
+    /// Time at the beginning of motions that is made and left out, seconds; see [`crate::translation::Acting::settle_secs`].
+    pub settle_secs: f64,
     /// Body height of motions made, metres.
     pub height_m: f64,
     /// Word vectors for words the model was not trained on.
@@ -61,6 +63,7 @@ impl Default for LanguageSettings {
             n_best: 1,
             noise: DEFAULT_NOISE,
             length_secs: None,
+            settle_secs: DEFAULT_SETTLE_SECS,
             height_m: 1.75,
             vectors: None,
             sentence_encoder: None,
@@ -80,6 +83,9 @@ impl LanguageSettings {
         }
         if let Some(secs) = self.length_secs.filter(|secs| !(0.1..=600.0).contains(secs)) {
             return outside("language.length_secs", secs.to_string(), "0.1 to 600 s");
+        }
+        if !(0.0..=10.0).contains(&self.settle_secs) {
+            return outside("language.settle_secs", self.settle_secs.to_string(), "0 to 10 s");
         }
         if !bounds::HEIGHT_M.contains(&self.height_m) {
             return outside("language.height_m", self.height_m.to_string(), "0.3 to 3 m");

@@ -30,12 +30,16 @@ use burn::tensor::{Device, Tensor, TensorData};
 use crate::dataset::WordVectors;
 use crate::features::TokenRule;
 use crate::model::{Bundle, BundleError, Frames, MotionLength};
-use crate::motion::{Body, Motion, MotionError, NUM_CHANNELS};
+use crate::motion::{Body, Frame, Motion, MotionError, NUM_CHANNELS};
 
 /// Most words of a sentence; the longest caption of KIT-ML has 42.
 const MAX_WORDS: usize = 500;
 /// How many times as long as the longest motion of the training a motion may be.
 const MAX_STRETCH: f64 = 10.0;
+/// Time a decoder is given to settle, seconds, unless told otherwise; see [`Acting::settle_secs`].
+pub const DEFAULT_SETTLE_SECS: f64 = 0.5;
+/// Longest time to settle, seconds.
+const MAX_SETTLE_SECS: f64 = 10.0;
 /// Normalised value beyond which a channel is far outside of what was learned; training stays within 0.9.
 const FAR_OUTSIDE: f32 = 1.5;
 
@@ -105,21 +109,26 @@ pub struct Acting {
     ///
     /// `Deviation:` the paper generates as many frames as the reference has; give the reference's length for that.
     pub length_secs: Option<f64>,
+    /// Time at the beginning that is made and left out, seconds, rounded to frames; at most 10.
+    ///
+    /// The decoder is given the mean first frame of the training motions, which is no frame of the motion it is to make, and
+    /// takes some frames to get from there into the movement. 0 keeps them. Default 0.5.
+    pub settle_secs: f64,
     /// Who moves; the model knows angles and places only.
     pub body: Body,
 }
 
 impl Default for Acting {
-    /// The predicted length, and a body of 1.75 m.
+    /// The predicted length, half a second to settle, and a body of 1.75 m.
     fn default() -> Self {
-        Self { length_secs: None, body: Body::with_default_mass(1.75) }
+        Self { length_secs: None, settle_secs: DEFAULT_SETTLE_SECS, body: Body::with_default_mass(1.75) }
     }
 }
 
 /// A motion made from a description.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Acted {
-    /// The motion, at the rate of the model; it begins with the mean first frame of the training motions.
+    /// The motion, at the rate of the model, as [`Acting`] says.
     pub motion: Motion,
     /// The latent it was made from, `[latent]`.
     pub latent: Vec<f32>,
@@ -219,12 +228,21 @@ impl Translator {
     /// # Errors
     /// [`TranslationError`] when the length cannot be, or what the model makes is no motion.
     pub fn act(&self, latent: Vec<f32>, acting: &Acting) -> Result<Acted, TranslationError> {
-        let length = match acting.length_secs {
-            None => MotionLength::Predicted,
-            Some(secs) => MotionLength::Frames(vec![self.num_frames(secs)?]),
+        let tensor = self.tensor(&latent);
+        let wanted = match acting.length_secs {
+            None => self.bundle.predict_lengths(&tensor)[0],
+            Some(secs) => self.num_frames(secs)?,
         };
-        let mut motions = self.bundle.decode_motions(&self.tensor(&latent), None, &length);
-        let motion = self.bundle.motion_of(&motions.swap_remove(0), acting.body)?;
+        // A NaN settles nothing.
+        let settling =
+            (acting.settle_secs.clamp(0.0, MAX_SETTLE_SECS) * self.bundle.config.rate_hz).round() as usize;
+        let length = MotionLength::Frames(vec![wanted + settling]);
+        let frames = self.bundle.decode_motions(&tensor, None, &length).swap_remove(0);
+        let motion = self.bundle.motion_of(&frames[settling..], acting.body)?;
+        let mut channels: Vec<_> = motion.frames().iter().map(Frame::to_channels).collect();
+        self.bundle.config.root.place(&mut channels);
+        let frames = channels.iter().map(Frame::from_channels).collect();
+        let motion = Motion::new(acting.body, motion.rate_hz(), frames)?;
         Ok(Acted { motion, latent })
     }
 

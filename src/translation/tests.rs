@@ -6,7 +6,6 @@ use super::*;
 use crate::features::{BOS, EOS, PreparedSet};
 use crate::model::Rprae;
 use crate::model::tests::tiny;
-use crate::motion::Frame;
 use crate::training::tests::four_pairs;
 
 fn set() -> PreparedSet {
@@ -112,7 +111,8 @@ fn motions_have_the_length_asked_for_and_begin_as_training_motions_do() {
     let translator = translator(1);
     let latent = latents(&translator).remove(0);
     let body = Body::with_default_mass(1.6);
-    let acted = translator.act(latent.clone(), &Acting { length_secs: Some(1.0), body }).unwrap();
+    let acted =
+        translator.act(latent.clone(), &Acting { length_secs: Some(1.0), settle_secs: 0.0, body }).unwrap();
     assert_eq!((acted.motion.num_frames(), acted.motion.rate_hz(), acted.motion.body()), (11, 10.0, body));
     let start: [f32; NUM_CHANNELS] =
         std::array::from_fn(|channel| translator.bundle.config.start_frame[channel]);
@@ -121,11 +121,27 @@ fn motions_have_the_length_asked_for_and_begin_as_training_motions_do() {
     let free = translator.act(latent.clone(), &Acting::default()).unwrap();
     assert!((6..=12).contains(&free.motion.num_frames()));
     for secs in [0.0, -1.0, f64::NAN, 0.01] {
-        let error = translator.act(latent.clone(), &Acting { length_secs: Some(secs), body }).unwrap_err();
+        let error = translator
+            .act(latent.clone(), &Acting { length_secs: Some(secs), settle_secs: 0.0, body })
+            .unwrap_err();
         assert!(matches!(error, TranslationError::Length { .. }), "{error}");
     }
-    let error = translator.act(latent, &Acting { length_secs: Some(1e9), body }).unwrap_err();
+    let error =
+        translator.act(latent, &Acting { length_secs: Some(1e9), settle_secs: 0.0, body }).unwrap_err();
     assert!(matches!(error, TranslationError::TooLong { .. }), "{error}");
+}
+
+#[test]
+fn what_settles_is_made_and_left_out() {
+    let translator = translator(1);
+    let latent = latents(&translator).remove(0);
+    let acting = |length_secs, settle_secs| Acting { length_secs, settle_secs, ..Acting::default() };
+    let act = |acting: &Acting| translator.act(latent.clone(), acting).unwrap().motion;
+    let (whole, settled) = (act(&acting(Some(1.0), 0.0)), act(&acting(Some(0.7), 0.3)));
+    assert_eq!(settled.frames(), &whole.frames()[3..]);
+    let (free, later) = (act(&acting(None, 0.0)), act(&acting(None, 0.5)));
+    assert_eq!(free.num_frames(), later.num_frames());
+    assert_eq!(act(&acting(Some(1.0), f64::NAN)), whole);
 }
 
 #[test]

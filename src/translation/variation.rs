@@ -6,7 +6,7 @@ use crate::features::{BOS, EOS};
 use crate::model::{Bundle, Draws};
 
 /// Width of the noise on the latent, as a share of its spread, that `rprae` takes unless told otherwise.
-pub const DEFAULT_NOISE: f64 = 0.3;
+pub const DEFAULT_NOISE: f64 = 0.5;
 
 /// Most one-word sentences that are looked at.
 const MAX_PROBES: usize = 256;

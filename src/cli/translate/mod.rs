@@ -21,7 +21,7 @@ use super::train::Device;
 use super::{bundled, output};
 use crate::dataset::{CaptionFile, Dataset, OpenOptions, WordVectors};
 use crate::motion::{Body, bounds};
-use crate::translation::{Acting, DEFAULT_NOISE, Search, Translator};
+use crate::translation::{Acting, DEFAULT_NOISE, DEFAULT_SETTLE_SECS, Search, Translator};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -68,6 +68,9 @@ pub(super) struct TranslateArgs {
     /// As long as this motion
     #[arg(long, value_name = "PATH", conflicts_with = "length")]
     pub length_of: Option<PathBuf>,
+    /// Seconds made and left out at the beginning, while the model finds from its mean first frame into the movement
+    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_SETTLE_SECS)]
+    pub settle: f64,
     /// Read every motion made back as a sentence
     #[arg(long)]
     pub round_trip: bool,
@@ -153,6 +156,7 @@ fn check(args: &TranslateArgs) -> anyhow::Result<()> {
     };
     within("length-norm", args.length_norm, 0.0, 5.0)?;
     within("noise", args.noise, 0.0, 100.0)?;
+    within("settle", args.settle, 0.0, 10.0)?;
     within("height", args.height, *bounds::HEIGHT_M.start(), *bounds::HEIGHT_M.end())?;
     within("out-rate", args.out_rate, *bounds::RATE_HZ.start(), *bounds::RATE_HZ.end())
 }
