@@ -130,7 +130,11 @@ pub(super) fn run(args: &TranslateArgs) -> Result<Exit, Failure> {
     let mut session = Session {
         args,
         translator,
-        acting: Acting { length_secs: args.length.or(length_of), body: Body::with_default_mass(args.height) },
+        acting: Acting {
+            length_secs: args.length.or(length_of),
+            settle_secs: args.settle,
+            body: Body::with_default_mass(args.height),
+        },
         search: Search {
             beam: usize::from(args.beam),
             n_best: usize::from(args.n_best),
