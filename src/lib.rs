@@ -34,6 +34,7 @@
 //! [`plausibility`] turns motions and rollouts into scores, [`recording`] and [`report`] into files.
 //! [`lint`] checks motions without moving them, and [`features`] prepares them for learning.
 //! [`canaries`] proves that the scores see faults.
+//! [`model`] and [`training`] make a bundle, and [`translation`] takes it from sentences to motions and back.
 //! [`evaluation`] scores sentences against reference sentences.
 //! [`harness`] runs whole suites, [`manifest`] says what was run, and [`cli`] is what the programs are made of.
 //!
@@ -80,3 +81,4 @@ pub mod robot;
 pub mod simulation;
 pub mod synthesis;
 pub mod training;
+pub mod translation;

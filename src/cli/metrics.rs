@@ -9,6 +9,7 @@ use super::exit::{Exit, Failure, OrExit};
 use super::output;
 use super::summary::BUNDLED;
 use crate::dataset::{Dataset, OpenOptions};
+use crate::harness::LANGUAGE_METRICS;
 use crate::humanoid::Humanoid;
 use crate::plausibility::{METRICS, ROSETTA, Score, explain, find_metric, kinematic_scores};
 use crate::report::{Align, Column, Table, compact};
@@ -31,12 +32,13 @@ pub(super) fn run(args: &MetricsArgs) -> Result<Exit, Failure> {
     if let Some(path) = &args.rosetta {
         return rosetta(path);
     }
-    let chosen = if args.keys.is_empty() {
-        METRICS.to_vec()
+    let all = || METRICS.iter().chain(LANGUAGE_METRICS).copied();
+    let chosen: Vec<_> = if args.keys.is_empty() {
+        all().collect()
     } else {
         args.keys
             .iter()
-            .map(|key| find_metric(key).ok_or_else(|| unknown(key)))
+            .map(|key| all().find(|metric| metric.key == key).ok_or_else(|| unknown(key)))
             .collect::<Result<_, _>>()
             .or_usage()?
     };
@@ -119,6 +121,7 @@ fn unknown(key: &str) -> anyhow::Error {
     let name = key.rsplit('/').next().unwrap_or(key);
     let near: Vec<&str> = METRICS
         .iter()
+        .chain(LANGUAGE_METRICS)
         .map(|metric| metric.key)
         .filter(|known| !name.is_empty() && known.contains(name))
         .collect();

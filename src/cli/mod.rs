@@ -3,12 +3,14 @@
 //! In: arguments. Out: tables and paths on standard output, progress and complaints on standard error, and an [`Exit`].
 //! Arguments become typed settings once, here; everything below takes values, not strings.
 
+mod bundled;
 mod canaries;
 mod curve;
 mod doctor;
 mod encoders;
 mod evaluate;
 mod exit;
+mod language;
 mod lint;
 mod metrics;
 mod output;
@@ -21,6 +23,7 @@ mod retarget;
 mod sim;
 mod summary;
 mod train;
+mod translate;
 mod urdf;
 mod view;
 
@@ -63,6 +66,8 @@ enum Verb {
     Sim(Box<sim::SimArgs>),
     /// Train a model that translates between descriptions and motions
     Train(Box<train::TrainArgs>),
+    /// Turn sentences into motions and motions into sentences
+    Translate(Box<translate::TranslateArgs>),
     /// Turn motions, captions and word vectors into the folder that training reads
     Prepare(Box<prepare::PrepareArgs>),
     /// Check motions in milliseconds: units, axes, limits, jumps, sides, floor
@@ -105,6 +110,7 @@ pub fn rprae() -> ExitCode {
     finish(match verb {
         Verb::Sim(args) => sim::run(&args),
         Verb::Train(args) => train::run(&args),
+        Verb::Translate(args) => translate::run(&args),
         Verb::Doctor(args) => doctor::run(&args),
         Verb::Prepare(args) => prepare::run(&args),
         Verb::Lint(args) => lint::run(&args),

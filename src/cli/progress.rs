@@ -183,7 +183,7 @@ impl Steps {
     pub(super) fn step(&self, name: &str, failure: Option<&str>) {
         let done = 1 + self.num_done.fetch_add(1, Ordering::Relaxed);
         if let Some(reason) = failure {
-            self.screen.line(&format!("skipped {}: {}", shorten(name, 40), shorten(reason, 400)));
+            self.screen.note(&format!("skipped {}: {}", shorten(name, 40), shorten(reason, 400)));
         }
         match &self.screen.bar {
             Some(bar) => {

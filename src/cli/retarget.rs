@@ -167,7 +167,7 @@ pub(super) fn read_skeleton(path: &Path) -> anyhow::Result<Correspondence> {
 }
 
 /// `frames x 50` little-endian doubles in numpy's format, version 1.
-fn npy(motion: &Motion) -> Vec<u8> {
+pub(super) fn npy(motion: &Motion) -> Vec<u8> {
     const ALIGNMENT: usize = 64;
     let shape = format!("({}, {})", motion.num_frames(), crate::motion::NUM_CHANNELS);
     let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}");

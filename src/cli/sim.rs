@@ -7,10 +7,8 @@ use clap::Args;
 
 use super::exit::{Exit, Failure, OrExit};
 use super::progress::Display;
-use super::{output, resolve, summary};
-use crate::dataset::Dataset;
-use crate::harness::{self, HarnessError, RunFolder, RunSettings, Source};
-use crate::report::KEY_METRICS;
+use super::{language, output, resolve, summary};
+use crate::harness::{self, Generated, HarnessError, RunFolder, RunSettings, Source};
 use crate::simulation::{JointForm, Level};
 
 /// Where runs without `--out` go.
@@ -18,11 +16,41 @@ const RESULTS: &str = "results";
 
 /// Arguments of a run. What is not given comes from `--config`, and from the defaults where that is silent.
 #[derive(Debug, Default, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
 pub(super) struct SimArgs {
     /// Motions to run: an MMM XML file, a folder or zip in the KIT-ML layout, a .npy, .npz or .csv table of
     /// frames x 50, or motion capture (.bvh, .amc beside its .asf, joint positions); the bundled suite when absent
     #[arg(long, value_name = "PATH")]
     pub motions: Option<PathBuf>,
+    /// Model that makes motions of sentences and reads captions back from motions, as `rprae train` leaves it; the bundled
+    /// one when only --captions is given
+    #[arg(long, value_name = "DIR")]
+    pub bundle: Option<PathBuf>,
+    /// Sentences to make motions of (.txt, .tsv, .jsonl, .json), run beside --motions if those are given; the bundled
+    /// sentences when neither is
+    #[arg(long, value_name = "FILE")]
+    pub captions: Option<PathBuf>,
+    /// Motions made of every sentence; the most plausible by levels 0 and 1 is run, and the gain reported [default: 1]
+    #[arg(long, value_name = "N")]
+    pub n_best: Option<usize>,
+    /// Noise on the latent from the second of --n-best on, as a share of its spread over the vocabulary [default: 0.5]
+    #[arg(long, value_name = "SHARE")]
+    pub noise: Option<f64>,
+    /// Length in seconds of motions made [default: what the model predicts]
+    #[arg(long, value_name = "SECONDS")]
+    pub length: Option<f64>,
+    /// Seconds made and left out at the beginning, while the model finds into the movement [default: 0.5]
+    #[arg(long, value_name = "SECONDS")]
+    pub settle: Option<f64>,
+    /// Word vectors for words the model was not trained on
+    #[arg(long, value_name = "FILE")]
+    pub vectors: Option<PathBuf>,
+    /// Folder of a sentence encoder, for the cosine between captions; `rprae encoders` says how to get one
+    #[arg(long, value_name = "DIR")]
+    pub sentence_encoder: Option<PathBuf>,
+    /// Make no motions and read no captions back, even where a model is bundled
+    #[arg(long, conflicts_with_all = ["bundle", "captions", "n_best", "noise", "length", "settle", "vectors", "sentence_encoder"])]
+    pub no_language: bool,
     /// Run folder; an unfinished run with the same settings there is continued. Default: results/NAME-NNN, a new one
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -48,7 +76,7 @@ pub(super) struct SimArgs {
     /// Run only these motions, comma-separated
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub ids: Option<Vec<String>>,
-    /// Seed of the bootstrap intervals, the only randomness of a run [default: 0]
+    /// Seed of the bootstrap intervals and of the noise of --n-best, the only randomness of a run [default: 0]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
     /// Settings file (TOML); the settings.toml of a run repeats it. Flags override it, unknown keys are refused
@@ -79,16 +107,30 @@ pub(super) struct SimArgs {
 
 /// Runs the suite and prints what came out.
 pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
-    let settings = resolve::settings(args).or_usage()?;
-    let dataset = resolve::dataset(&settings).or_usage()?;
+    let mut settings = resolve::settings(args).or_usage()?;
+    language::resolve(args, &mut settings).or_usage()?;
+    let dataset = settings.has_references().then(|| resolve::dataset(&settings)).transpose().or_usage()?;
+    let name = name(&settings);
+    let references = dataset.as_ref().map(|dataset| (name.as_str(), dataset));
+    let references: Option<&dyn Source> = references.as_ref().map(|source| source as &dyn Source);
+    // Sentences that cannot be read, or a model, stop the run before any work.
+    let loaded = language::load(&settings).or_usage()?;
+    let (model, sentences) = loaded.map_or((None, None), |(model, sentences)| (Some(model), sentences));
+    let made = model
+        .as_ref()
+        .zip(sentences)
+        .map(|(model, sentences)| Generated::new(references, sentences, name.clone(), model, &settings));
+    let Some(source) = made.as_ref().map(|made| made as &dyn Source).or(references) else {
+        // Without sentences there are references.
+        return Err(anyhow!("find motions: give --motions or --captions")).or_usage();
+    };
     prove_physics(args, &settings)?;
-    let name = settings.motions.as_deref().map_or_else(|| summary::BUNDLED.to_owned(), short_name);
     let folder = open_folder(args, &settings, &name)?;
 
     let threads = threads(args.threads);
     let display = Display::new(args.quiet);
-    let source: &dyn Source = &(name.as_str(), &dataset as &Dataset);
-    let run = harness::run(source, &settings, &folder, threads, &|progress| display.observe(progress));
+    let observe = |progress: harness::Progress<'_>| display.observe(progress);
+    let run = harness::run(source, &settings, model.as_ref(), &folder, threads, &observe);
     display.finish();
     let run = match run {
         Err(error @ (HarnessError::UnknownIds { .. } | HarnessError::NoMotions { .. })) => {
@@ -96,13 +138,21 @@ pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
         }
         other => other.or_failed()?,
     };
-    harness::publish(&run, &folder, KEY_METRICS).or_failed()?;
+    let keys = language::key_metrics(&run.results);
+    harness::publish(&run, &folder, &keys).or_failed()?;
     if !args.quiet {
-        output::print(&summary::text(&run, folder.path(), output::table_width())).or_failed()?;
+        output::print(&summary::text(&run, &keys, folder.path(), output::table_width())).or_failed()?;
     }
     let failed = if run.results.num_failed() > 0 { Exit::Failed } else { Exit::Clean };
     let skipped = if run.results.skipped.is_empty() { Exit::Clean } else { Exit::Skipped };
     Ok(failed.or_worse(skipped))
+}
+
+/// Name of a run, for tables and folders: that of its motions, else of its sentences.
+fn name(settings: &RunSettings) -> String {
+    let captions = settings.language.as_ref().and_then(|language| language.captions.as_deref());
+    let path = settings.motions.as_deref().or(captions);
+    path.map_or_else(|| summary::BUNDLED.to_owned(), short_name)
 }
 
 /// Nothing is scored by an engine that fails its self-test.

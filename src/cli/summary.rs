@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::output::rprae_command;
 use crate::harness::Run;
-use crate::report::{Align, Column, KEY_METRICS, Results, Table, compact, results_table, shorten};
+use crate::report::{Align, Column, Results, Table, compact, results_table, shorten};
+use crate::simulation::Level;
 
 /// Name of the bundled suite as a dataset.
 pub(super) const BUNDLED: &str = "bundled";
@@ -14,15 +15,16 @@ pub(super) const BUNDLED: &str = "bundled";
 const MAX_LISTED: usize = 10;
 
 /// The cases as a table, the aggregates, what was skipped, where the files are, and what to type next.
-pub(super) fn text(run: &Run, folder: &Path, width: usize) -> String {
+pub(super) fn text(run: &Run, keys: &[&str], folder: &Path, width: usize) -> String {
     let results = &run.results;
     let mut text = String::new();
     if !results.cases.is_empty() {
         text.push('\n');
-        text.push_str(&results_table(results, KEY_METRICS, width));
+        text.push_str(&results_table(results, keys, width));
         text.push('\n');
-        text.push_str(&aggregates(results).render(width));
+        text.push_str(&aggregates(results, keys).render(width));
     }
+    push_list(&mut text, "Read back", read_back(results), width);
     push_list(
         &mut text,
         "Failed cases",
@@ -58,8 +60,8 @@ pub(super) fn text(run: &Run, folder: &Path, width: usize) -> String {
     text
 }
 
-fn aggregates(results: &Results) -> Table {
-    let shown: Vec<_> = KEY_METRICS
+fn aggregates(results: &Results, keys: &[&str]) -> Table {
+    let shown: Vec<_> = keys
         .iter()
         .filter_map(|key| results.aggregates.iter().find(|aggregate| aggregate.key == *key))
         .filter_map(|aggregate| Some((aggregate, results.metric(&aggregate.key)?)))
@@ -97,6 +99,15 @@ fn aggregates(results: &Results) -> Table {
             numbers("95 % interval", interval),
         ],
     }
+}
+
+/// What a model says the motions are, before and after physics.
+fn read_back(results: &Results) -> impl Iterator<Item = String> {
+    results.cases.iter().filter_map(|case| {
+        let given = case.read_back(Level::L0)?;
+        let done = case.read_back(Level::L2).map_or(String::new(), |done| format!("; performed: {done:?}"));
+        Some(format!("{}: {:?} is read as {given:?}{done}", case.id, case.caption()))
+    })
 }
 
 fn push_list(text: &mut String, heading: &str, lines: impl Iterator<Item = String>, width: usize) {

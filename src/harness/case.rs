@@ -6,7 +6,9 @@ use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::fingerprint::motion_sha256;
-use super::{RunFolder, RunSettings, Source};
+use super::meaning::Meaning;
+use super::n_best::gains;
+use super::{Language, RunFolder, RunSettings, Source};
 use crate::dataset::Sample;
 use crate::humanoid::Humanoid;
 use crate::manifest::{RunKey, SkippedInput};
@@ -14,12 +16,14 @@ use crate::plausibility::{
     PropSupport, Score, inverse_scores, kinematic_scores, prop_supports, rollout_scores,
 };
 use crate::recording::{Recorder, RecordingError, RecordingHeader, RecordingSummary};
-use crate::report::{CaseResult, LevelResult};
+use crate::report::{Candidate, CaseResult, LevelResult};
 use crate::simulation::{Event, Level, Observer, Outcome, Rollout, RolloutSample, Simulation};
 
 /// What all cases of a run share.
 pub(super) struct CaseContext<'a> {
     settings: &'a RunSettings,
+    /// The model in the loop.
+    language: Option<&'a Language>,
     folder: &'a RunFolder,
     /// The settings as TOML, for the recordings.
     settings_text: String,
@@ -28,7 +32,12 @@ pub(super) struct CaseContext<'a> {
 }
 
 impl<'a> CaseContext<'a> {
-    pub(super) fn new(settings: &'a RunSettings, key: &RunKey, folder: &'a RunFolder) -> Self {
+    pub(super) fn new(
+        settings: &'a RunSettings,
+        language: Option<&'a Language>,
+        key: &RunKey,
+        folder: &'a RunFolder,
+    ) -> Self {
         let metadata = [
             ("rprae", key.rprae.clone()),
             ("engine", key.engine.clone()),
@@ -38,6 +47,7 @@ impl<'a> CaseContext<'a> {
         ];
         Self {
             settings,
+            language,
             folder,
             // The folder was opened with the same settings, so they have a TOML form.
             settings_text: settings.to_toml().unwrap_or_default(),
@@ -54,21 +64,21 @@ pub(super) fn finish_case(
     source: &dyn Source,
     index: usize,
 ) -> io::Result<Result<(CaseResult, bool), SkippedInput>> {
-    let loaded = catch_unwind(AssertUnwindSafe(|| source.load(index))).unwrap_or_else(|panic| {
+    let loaded = catch_unwind(AssertUnwindSafe(|| source.load_chosen(index))).unwrap_or_else(|panic| {
         let id = source.ids().swap_remove(index);
         let reason = format!("reading it panicked: {}", panic_message(&*panic));
         Err(SkippedInput { id, source: source.name(), reason })
     });
-    let sample = match loaded {
-        Ok(sample) => sample,
+    let (sample, candidates) = match loaded {
+        Ok(loaded) => loaded,
         Err(skipped) => return Ok(Err(skipped)),
     };
-    let mut case = unfinished(&sample);
+    let mut case = CaseResult { candidates, ..unfinished(&sample) };
     if let Some(found) = context.folder.read_case(&case.id).filter(|found| is_current(context, found, &case))
     {
         return Ok(Ok((found, true)));
     }
-    let evaluated = catch_unwind(AssertUnwindSafe(|| evaluate(context, &sample)));
+    let evaluated = catch_unwind(AssertUnwindSafe(|| evaluate(context, &sample, &case.candidates)));
     match evaluated {
         Ok(Evaluation { props, levels, failures }) => {
             (case.props, case.levels, case.failures) = (props, levels, failures);
@@ -103,6 +113,7 @@ fn unfinished(sample: &Sample) -> CaseResult {
         num_frames: motion.num_frames(),
         duration_secs: motion.duration_secs(),
         warnings: sample.warnings.clone(),
+        candidates: Vec::new(),
         props: Vec::new(),
         levels: Vec::new(),
         failures: Vec::new(),
@@ -117,7 +128,7 @@ struct Evaluation {
     failures: Vec<String>,
 }
 
-fn evaluate(context: &CaseContext<'_>, sample: &Sample) -> Evaluation {
+fn evaluate(context: &CaseContext<'_>, sample: &Sample, candidates: &[Candidate]) -> Evaluation {
     let mut failures = Vec::new();
     let humanoid = match Humanoid::new(sample.motion.body()) {
         Ok(humanoid) => humanoid,
@@ -131,11 +142,16 @@ fn evaluate(context: &CaseContext<'_>, sample: &Sample) -> Evaluation {
     // Made for the first level that needs it; all levels above L0 share it.
     let settings = &context.settings.simulation;
     let simulation = LazyCell::new(|| Simulation::new(&humanoid, &sample.motion, settings));
+    let meaning = context.language.map(|language| Meaning::new(language, sample, &mut failures));
     let mut levels = Vec::new();
     for &level in &context.settings.levels {
         let mut result = empty_level(level);
+        add_scores(&mut result, &gains(candidates, level), &mut failures);
         if level == Level::L0 {
             add_scores(&mut result, &kinematic_scores(&humanoid, &sample.motion), &mut failures);
+            if let Some(meaning) = &meaning {
+                meaning.score_given(&mut result);
+            }
         } else {
             match &*simulation {
                 Err(error) => failures.push(format!("{level}: {error}")),
@@ -145,7 +161,11 @@ fn evaluate(context: &CaseContext<'_>, sample: &Sample) -> Evaluation {
                 }
                 Ok(simulation) => {
                     let recording = Recording::start(context, sample, &humanoid, level);
-                    simulated_level(&mut result, simulation, &humanoid, recording, &mut failures);
+                    let rollout =
+                        simulated_level(&mut result, simulation, &humanoid, recording, &mut failures);
+                    if let (Level::L2, Some(meaning), Some(rollout)) = (level, &meaning, &rollout) {
+                        meaning.score_performed(&mut result, rollout, &mut failures);
+                    }
                 }
             }
         }
@@ -159,7 +179,14 @@ fn evaluate(context: &CaseContext<'_>, sample: &Sample) -> Evaluation {
 }
 
 fn empty_level(level: Level) -> LevelResult {
-    LevelResult { level, outcome: None, scores: BTreeMap::new(), events: Vec::new(), recording: None }
+    LevelResult {
+        level,
+        outcome: None,
+        scores: BTreeMap::new(),
+        events: Vec::new(),
+        recording: None,
+        read_back: None,
+    }
 }
 
 fn simulated_level(
@@ -168,13 +195,13 @@ fn simulated_level(
     humanoid: &Humanoid,
     mut recording: Recording,
     failures: &mut Vec<String>,
-) {
+) -> Option<Rollout> {
     let level = result.level;
     let rollout = match simulation.run_under(level, &simulation.undisturbed(), &mut recording) {
         Ok(rollout) => rollout,
         Err(error) => {
             failures.push(format!("{level}: {error}"));
-            return;
+            return None;
         }
     };
     let scores = rollout_scores(humanoid, &rollout);
@@ -188,10 +215,11 @@ fn simulated_level(
         Ok(path) => result.recording = path,
         Err(error) => failures.push(format!("{level}: {error}")),
     }
+    Some(rollout)
 }
 
 /// Takes scores over; one that is not finite fails the case, since no file or mean may hold it.
-fn add_scores(result: &mut LevelResult, scores: &[Score], failures: &mut Vec<String>) {
+pub(super) fn add_scores(result: &mut LevelResult, scores: &[Score], failures: &mut Vec<String>) {
     for score in scores {
         if score.value.is_finite() {
             result.scores.insert(score.metric.key.to_owned(), score.value);

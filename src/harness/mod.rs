@@ -9,6 +9,11 @@ mod case;
 mod curve;
 mod fingerprint;
 mod folder;
+mod generated;
+mod language;
+mod language_metrics;
+mod meaning;
+mod n_best;
 mod proof;
 mod publish;
 mod settings;
@@ -17,6 +22,9 @@ mod source;
 pub use curve::{Condition, CurveSettings, run_curve};
 pub use fingerprint::motion_sha256;
 pub use folder::{FolderError, RunFolder};
+pub use generated::Generated;
+pub use language::{Language, LanguageSettings, bundle_sha256};
+pub use language_metrics::LANGUAGE_METRICS;
 pub use proof::{Proof, cache_folder, prove};
 pub use publish::publish;
 pub use settings::{RunSettings, SettingsProblem, TableSettings};
@@ -157,6 +165,7 @@ pub fn initial_manifest(settings: &RunSettings, dataset: &str) -> Manifest {
 
 /// Runs the selected motions of `source` on `threads` workers and writes each finished case into `folder`.
 ///
+/// With a model in the loop, captions are read back from the motions and from what the humanoid made of them.
 /// Cases that the folder already holds for the same motion are not run again, unless they failed.
 /// `observe` is called from the worker threads.
 ///
@@ -165,6 +174,7 @@ pub fn initial_manifest(settings: &RunSettings, dataset: &str) -> Manifest {
 pub fn run(
     source: &dyn Source,
     settings: &RunSettings,
+    language: Option<&Language>,
     folder: &RunFolder,
     threads: usize,
     observe: &(dyn Fn(Progress<'_>) + Sync),
@@ -172,7 +182,7 @@ pub fn run(
     let started = Instant::now();
     let (selected, mut skipped) = select(source, settings)?;
     let manifest = initial_manifest(settings, &source.name());
-    let context = CaseContext::new(settings, &manifest.key, folder);
+    let context = CaseContext::new(settings, language, &manifest.key, folder);
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()
@@ -222,10 +232,14 @@ pub fn run(
         .map(|(case, _)| case.duration_secs)
         // Not `sum`, which gives a negative zero for nothing.
         .fold(0.0, |total, secs| total + secs);
+    let n_best = settings.language.as_ref().map_or(1, |language| language.n_best);
+    let language_metrics =
+        language.map(|language| language.metrics(&settings.levels, n_best)).unwrap_or_default();
     let metrics = METRICS
         .iter()
         .filter(|metric| settings.levels.contains(&metric.level))
         .map(|metric| MetricRecord::from(*metric))
+        .chain(language_metrics)
         .collect();
     let results = Results::new(manifest.key.clone(), source.name(), metrics, cases, skipped, settings.seed);
     let inputs = results.cases.iter().map(|case| UsedInput {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::LanguageSettings;
 use crate::motion::bounds;
 use crate::simulation::{JointForm, Level, SettingsError, SimulationSettings};
 
@@ -33,7 +34,8 @@ pub struct RunSettings {
     pub levels: Vec<Level>,
     /// Whether every rollout is recorded.
     pub recordings: bool,
-    /// Seed of the bootstrap intervals; nothing else in a run is random. At most 2^63 - 1, since TOML has no larger number.
+    /// Seed of the bootstrap intervals, and of the noise when several motions are made of a sentence; nothing else in a run
+    /// is random. At most 2^63 - 1, since TOML has no larger number.
     pub seed: u64,
     /// Correspondence file for motion capture whose joint names are not recognised.
     pub skeleton: Option<PathBuf>,
@@ -41,6 +43,9 @@ pub struct RunSettings {
     pub mass_kg: Option<f64>,
     /// How to read plain number tables.
     pub table: TableSettings,
+    /// The model that makes motions and reads captions back; none when absent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub language: Option<LanguageSettings>,
     /// Settings of every rollout.
     pub simulation: SimulationSettings,
 }
@@ -57,6 +62,7 @@ impl Default for RunSettings {
             skeleton: None,
             mass_kg: None,
             table: TableSettings::default(),
+            language: None,
             simulation: SimulationSettings::default(),
         }
     }
@@ -120,6 +126,18 @@ impl RunSettings {
         })
     }
 
+    /// Whether the run has motions that were recorded or handed in: those named, or the bundled suite.
+    #[must_use]
+    pub fn has_references(&self) -> bool {
+        self.motions.is_some() || self.language.as_ref().is_none_or(|language| language.captions.is_none())
+    }
+
+    /// Whether the run makes motions of sentences: those named, or the bundled ones beside the bundled suite.
+    #[must_use]
+    pub fn has_generated(&self) -> bool {
+        self.language.as_ref().is_some_and(|language| language.captions.is_some() || self.motions.is_none())
+    }
+
     /// Checks every setting, and sorts the levels and drops repeated ones.
     ///
     /// # Errors
@@ -142,6 +160,9 @@ impl RunSettings {
         }
         if let Some(height_m) = self.table.height_m.filter(|height| !bounds::HEIGHT_M.contains(height)) {
             return Err(outside("table.height_m", height_m.to_string(), "0.3 to 3 m"));
+        }
+        if let Some(language) = &self.language {
+            language.check()?;
         }
         if let Some(mass_kg) = self.mass_kg.filter(|mass| !bounds::MASS_KG.contains(mass)) {
             return Err(outside("mass_kg", mass_kg.to_string(), "1 to 500 kg"));
@@ -205,6 +226,9 @@ mod tests {
         assert_eq!(toml::from_str::<RunSettings>(&text).unwrap(), settings);
         let default = RunSettings::default();
         assert_eq!(toml::from_str::<RunSettings>(&default.to_toml().unwrap()).unwrap(), default);
+        let language = LanguageSettings { n_best: 4, length_secs: Some(2.5), ..LanguageSettings::default() };
+        let language = RunSettings { language: Some(language), ..default };
+        assert_eq!(toml::from_str::<RunSettings>(&language.to_toml().unwrap()).unwrap(), language);
     }
 
     #[test]
@@ -232,7 +256,13 @@ mod tests {
             settings.check().map_err(|problem| problem.to_string())
         };
         assert_eq!(checked(|_| ()), Ok(()));
-        let bad: [(&str, Change); 6] = [
+        let bad: [(&str, Change); 8] = [
+            ("language.n_best", |settings| {
+                settings.language = Some(LanguageSettings { n_best: 0, ..LanguageSettings::default() });
+            }),
+            ("language.noise", |settings| {
+                settings.language = Some(LanguageSettings { noise: f64::NAN, ..LanguageSettings::default() });
+            }),
             ("levels", |settings| settings.levels.clear()),
             ("limit", |settings| settings.limit = Some(0)),
             ("dt_secs", |settings| settings.simulation.dt_secs = f64::NAN),
@@ -244,6 +274,25 @@ mod tests {
             let message = checked(change).unwrap_err();
             assert!(message.contains(name), "{message}");
         }
+    }
+
+    #[test]
+    fn sentences_alone_take_the_place_of_the_suite() {
+        let of = |motions: Option<&str>, captions: Option<&str>, is_asked: bool| {
+            let captions = captions.map(PathBuf::from);
+            let language = LanguageSettings { captions, ..LanguageSettings::default() };
+            let settings = RunSettings {
+                motions: motions.map(PathBuf::from),
+                language: is_asked.then_some(language),
+                ..RunSettings::default()
+            };
+            (settings.has_references(), settings.has_generated())
+        };
+        assert_eq!(of(None, None, false), (true, false));
+        assert_eq!(of(None, None, true), (true, true));
+        assert_eq!(of(None, Some("a.txt"), true), (false, true));
+        assert_eq!(of(Some("b"), None, true), (true, false));
+        assert_eq!(of(Some("b"), Some("a.txt"), true), (true, true));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::dataset::{Dataset, Sample, Skipped};
 use crate::manifest::SkippedInput;
+use crate::report::Candidate;
 
 /// Motions by index, read when their turn comes.
 pub trait Source: Sync {
@@ -16,6 +17,14 @@ pub trait Source: Sync {
     /// # Errors
     /// The input and the reason when it cannot be used.
     fn load(&self, index: usize) -> Result<Sample, SkippedInput>;
+
+    /// As [`Source::load`], with the motions it was chosen from, where it was.
+    ///
+    /// # Errors
+    /// As [`Source::load`].
+    fn load_chosen(&self, index: usize) -> Result<(Sample, Vec<Candidate>), SkippedInput> {
+        Ok((self.load(index)?, Vec::new()))
+    }
 }
 
 impl From<Skipped> for SkippedInput {

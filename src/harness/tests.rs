@@ -63,7 +63,7 @@ fn kinematic() -> RunSettings {
 
 fn run_into(path: &Path, source: &Stands, settings: &RunSettings, threads: usize) -> Run {
     let folder = RunFolder::open(path, settings, "stands", false).unwrap();
-    let run = run(source, settings, &folder, threads, &|_| ()).unwrap();
+    let run = run(source, settings, None, &folder, threads, &|_| ()).unwrap();
     publish(&run, &folder, &["l0/skate"]).unwrap();
     run
 }
@@ -181,7 +181,7 @@ fn selections_are_checked_before_work() {
         let settings = RunSettings { ids, limit, ..kinematic() };
         let path = parent.path().join(format!("{ids:?}{limit:?}", ids = settings.ids));
         let folder = RunFolder::open(&path, &settings, "stands", false).unwrap();
-        run(&source, &settings, &folder, 1, &|_| ())
+        run(&source, &settings, None, &folder, 1, &|_| ())
     };
     let ids = |run: Run| run.results.cases.into_iter().map(|case| case.id).collect::<Vec<_>>();
     assert_eq!(ids(select(&["c", "a"], None).unwrap()), ["a", "c"]);
@@ -191,6 +191,6 @@ fn selections_are_checked_before_work() {
     assert_eq!(source.num_loads.load(Ordering::Relaxed), num_loads);
     let empty = Stands::new(&[]);
     let folder = RunFolder::open(&parent.path().join("empty"), &kinematic(), "stands", false).unwrap();
-    let refused = run(&empty, &kinematic(), &folder, 1, &|_| ());
+    let refused = run(&empty, &kinematic(), None, &folder, 1, &|_| ());
     assert!(matches!(refused, Err(HarnessError::NoMotions { .. })));
 }

@@ -60,6 +60,21 @@ pub struct LevelResult {
     pub events: Vec<Event>,
     /// Path of the recording inside the run folder, with forward slashes; `None` without one.
     pub recording: Option<String>,
+    /// The caption a model reads back from the movement at this level; `None` without a model in the loop.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub read_back: Option<String>,
+}
+
+/// One of several motions made of a sentence.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Candidate {
+    /// Mean over the scores of the share of the other candidates that are better; the smallest is kept, of equals the first.
+    pub badness: f64,
+    /// Whether it is the one that was run.
+    pub kept: bool,
+    /// Scores it was judged by, and its dynamic degree, by metric key.
+    pub scores: BTreeMap<String, f64>,
 }
 
 /// The result of one case.
@@ -88,6 +103,9 @@ pub struct CaseResult {
     pub duration_secs: f64,
     /// Doubts about the input, as sentences.
     pub warnings: Vec<String>,
+    /// The motions made of the sentence, in the order they were made; empty unless there were several.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub candidates: Vec<Candidate>,
     /// Where something other than the floor held the body; then the motion cannot be simulated on a floor alone.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub props: Vec<PropSupport>,
@@ -125,6 +143,12 @@ impl CaseResult {
     /// All values by metric key, in level order.
     pub fn scores(&self) -> impl Iterator<Item = (&str, f64)> {
         self.levels.iter().flat_map(|level| level.scores.iter()).map(|(key, value)| (key.as_str(), *value))
+    }
+
+    /// What a model reads back from the movement at a level.
+    #[must_use]
+    pub fn read_back(&self, level: Level) -> Option<&str> {
+        self.levels.iter().find(|result| result.level == level)?.read_back.as_deref()
     }
 
     /// First caption, or nothing.
@@ -166,6 +190,7 @@ pub(super) mod samples {
                     scores: BTreeMap::new(),
                     events: Vec::new(),
                     recording: None,
+                    read_back: None,
                 });
             }
             let result = levels.iter_mut().find(|result| result.level == level).unwrap();
@@ -182,6 +207,7 @@ pub(super) mod samples {
             num_frames: 201,
             duration_secs: 2.0,
             warnings: Vec::new(),
+            candidates: Vec::new(),
             props: Vec::new(),
             levels,
             failures: Vec::new(),

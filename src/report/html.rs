@@ -8,6 +8,7 @@ use super::markdown::{count, interval};
 use super::notes::{NoteKind, notes, remarks};
 use super::number::{compact, escape_html};
 use super::ranking::worst_first;
+use super::read_back::read_back_rows;
 use super::results::Results;
 
 const STYLE: &str = "\
@@ -43,6 +44,7 @@ pub fn results_html(results: &Results, keys: &[&str]) -> String {
         num_skipped = results.skipped.len(),
     );
     push_cases(&mut page, results, keys);
+    push_read_back(&mut page, results);
     push_aggregates(&mut page, results);
     if !results.skipped.is_empty() {
         page.push_str(
@@ -138,6 +140,22 @@ fn push_case(page: &mut String, case: &CaseResult, shown: &[(&MetricRecord, f64)
         );
     }
     page.push_str("</tr>\n");
+}
+
+fn push_read_back(page: &mut String, results: &Results) {
+    let mut rows = read_back_rows(results).peekable();
+    if rows.peek().is_none() {
+        return;
+    }
+    page.push_str(
+        "<h2>Read back</h2>\n<p><small>What a model says the motions are, as they were given and as the humanoid performed \
+         them with assist.</small></p>\n<div class=\"wide\"><table><tr><th>case<th>caption<th>given<th>performed</tr>\n",
+    );
+    for row in rows {
+        let [id, caption, given, performed] = row.cells().map(escape_html);
+        let _ = writeln!(page, "<tr><td>{id}<td>{caption}<td>{given}<td>{performed}</tr>");
+    }
+    page.push_str("</table></div>\n");
 }
 
 /// A path inside the run folder as a link: `%` would otherwise start an escape.

@@ -7,6 +7,7 @@ use super::cell::cell;
 use super::notes::{notes, remarks};
 use super::number::{compact, escape_markdown};
 use super::ranking::worst_first;
+use super::read_back::{ReadBackRow, read_back_rows};
 use super::results::Results;
 
 /// A run as Markdown: what ran, cases from worst to best with the metrics in `keys`, aggregates, skipped inputs.
@@ -28,6 +29,7 @@ pub fn results_markdown(results: &Results, keys: &[&str]) -> String {
         key.signature
     );
     write_cases(&mut text, results, keys);
+    write_read_back(&mut text, results);
     write_not_simulable(&mut text, results);
     write_aggregates(&mut text, results);
     write_remarks(&mut text, results);
@@ -59,6 +61,22 @@ fn write_cases(text: &mut String, results: &Results, keys: &[&str]) {
         }
         let noted: Vec<String> = notes(case).into_iter().map(|note| escape_markdown(&note.text)).collect();
         let _ = writeln!(text, " {} |", noted.join(", "));
+    }
+    text.push('\n');
+}
+
+fn write_read_back(text: &mut String, results: &Results) {
+    let rows: Vec<ReadBackRow<'_>> = read_back_rows(results).collect();
+    if rows.is_empty() {
+        return;
+    }
+    text.push_str(
+        "## Read back\n\nWhat a model says the motions are, as they were given and as the humanoid performed them with assist.\n\n\
+         | case | caption | given | performed |\n|---|---|---|---|\n",
+    );
+    for row in rows {
+        let [id, caption, given, performed] = row.cells().map(escape_markdown);
+        let _ = writeln!(text, "| {id} | {caption} | {given} | {performed} |");
     }
     text.push('\n');
 }
@@ -161,6 +179,7 @@ mod tests {
         let mut walk = case("walk|x", &[("l0/skate", 1.5), ("l2/mpjpe", 20.0)]);
         walk.captions = vec!["a | b\nc".to_owned()];
         let mut all = results(vec![walk, case("bow", &[("l0/skate", 1.0)])]);
+        all.cases[0].levels[0].read_back = Some("a person | bows".to_owned());
         all.skipped.push(SkippedInput {
             id: "old".to_owned(),
             source: "old_mmm.xml".to_owned(),
@@ -178,5 +197,6 @@ mod tests {
         }
         assert!(text.contains("| 1 of 2 |"), "{text}");
         assert!(text.contains("37 joints"));
+        assert!(text.contains("| bow | a person does bow | a person \\| bows | - |"), "{text}");
     }
 }

@@ -28,6 +28,7 @@ mod notes;
 mod number;
 mod random;
 mod ranking;
+mod read_back;
 pub mod regression;
 mod results;
 pub mod retargeting;
@@ -36,7 +37,7 @@ mod wilson;
 
 pub(crate) use aggregate::quantile;
 pub use aggregate::{Aggregate, Interval, aggregate};
-pub use case::{CaseResult, LevelResult, MetricRecord};
+pub use case::{Candidate, CaseResult, LevelResult, MetricRecord};
 pub use chart::{Chart, Panel, Point, Series};
 pub use csv::scores_csv;
 pub use curve::{Curve, CurvePoint, CurveRollout};

@@ -20,6 +20,7 @@ Every file there is made by this project: `cargo run --example generate_suite` w
 No recording of a person went into the suite; the choreography, the captions and the sources of the published normative values
 are in `src/synthesis/`.
 Licence: MIT, as the rest of the project.
+`captions.txt` holds the sentences, written for this project, that `eval-sim` makes motions of where a model is bundled.
 
 The body is 1.75 m tall and weighs 68.9 kg; motions are sampled at 100 Hz and stored with six decimals (radians, metres).
 `NNNNN_mmm.xml` is the motion, `NNNNN_annotations.json` its captions, `NNNNN_meta.json` where it comes from.

@@ -7,6 +7,7 @@ use std::path::Path;
 
 use anyhow::{Context, bail};
 use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use crate::evaluation::{Corpus, Segment};
 
@@ -24,6 +25,15 @@ struct Line {
     /// For the reader only, for example what kind of sentence it is.
     #[serde(rename = "category")]
     _category: Option<String>,
+    /// What `rprae translate` tells besides.
+    #[serde(rename = "source")]
+    _source: Option<IgnoredAny>,
+    #[serde(rename = "duration_secs")]
+    _duration_secs: Option<IgnoredAny>,
+    #[serde(rename = "sentences")]
+    _sentences: Option<IgnoredAny>,
+    #[serde(rename = "warnings")]
+    _warnings: Option<IgnoredAny>,
 }
 
 /// An id may be a number in a file.

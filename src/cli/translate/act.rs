@@ -1,0 +1,200 @@
+//! From a sentence to motions, files and what they are read back as.
+
+use std::fmt::Write as _;
+
+use serde::Serialize;
+
+use super::Session;
+use super::perform::{Performance, Stage};
+use super::write::{self, Target};
+use crate::motion::Motion;
+use crate::translation::{Acted, Search, Sentence, TranslationError, upsampled};
+
+/// What came of a sentence.
+#[derive(Debug, Serialize)]
+pub(super) struct ActedRecord {
+    /// Number in the file of sentences.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub id: Option<String>,
+    /// The sentence.
+    pub caption: String,
+    /// Words that are not in the vocabulary.
+    pub notes: Vec<String>,
+    /// The motions made of it.
+    pub motions: Vec<MotionRecord>,
+}
+
+/// A motion that was made.
+#[derive(Debug, Serialize)]
+pub(super) struct MotionRecord {
+    /// Time from the first to the last frame, seconds.
+    duration_secs: f64,
+    /// Frames the model made.
+    num_frames: usize,
+    /// Frames a second the model makes.
+    rate_hz: f64,
+    /// Distance of the last place of the root from the first, on the floor, metres.
+    travel_m: f64,
+    /// Change of the heading from the first frame to the last, degrees, positive to the left.
+    turn_deg: f64,
+    /// Files written.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    files: Vec<String>,
+    /// What the motion says, with --round-trip.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    read_back: Vec<Sentence>,
+    /// What the humanoid did, with --perform.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    performed: Option<Performance>,
+}
+
+/// A sentence with its motions, before anything is written.
+pub(super) struct Unfinished {
+    id: Option<String>,
+    caption: String,
+    notes: Vec<String>,
+    motions: Vec<Acted>,
+}
+
+/// Makes motions, and performs them where that is asked for.
+pub(super) struct Actor<'s, 'a> {
+    session: &'s Session<'a>,
+    stage: Option<Stage>,
+}
+
+impl<'s, 'a> Actor<'s, 'a> {
+    /// Proves the physics where something is to be performed.
+    pub fn new(session: &'s Session<'a>) -> anyhow::Result<Self> {
+        let recorded = session.args.out.iter().any(|path| write::is_recording(path));
+        let stage = (session.args.perform || recorded).then(|| Stage::new(session.args.quiet)).transpose()?;
+        Ok(Self { session, stage })
+    }
+
+    /// The motions of a sentence.
+    pub fn act(&self, id: Option<String>, caption: &str) -> Result<Unfinished, TranslationError> {
+        let Session { translator, acting, args, .. } = self.session;
+        let reading = translator.read(caption)?;
+        let latent = translator.latent_of(&reading);
+        let count = usize::from(args.n_best);
+        Ok(Unfinished {
+            id,
+            caption: caption.to_owned(),
+            notes: reading.notes.iter().map(ToString::to_string).collect(),
+            motions: translator.act_often(&latent, acting, count, args.noise, args.seed)?,
+        })
+    }
+
+    /// Reads back, performs and writes what was made.
+    pub fn finish(&self, made: Unfinished, targets: &[Target]) -> anyhow::Result<ActedRecord> {
+        let count = made.motions.len();
+        let mut motions = Vec::new();
+        for (index, acted) in made.motions.iter().enumerate() {
+            let number = (count > 1).then_some(index + 1);
+            motions.push(self.finish_motion(&made, acted, number, targets)?);
+        }
+        Ok(ActedRecord { id: made.id, caption: made.caption, notes: made.notes, motions })
+    }
+
+    fn finish_motion(
+        &self,
+        made: &Unfinished,
+        acted: &Acted,
+        number: Option<usize>,
+        targets: &[Target],
+    ) -> anyhow::Result<MotionRecord> {
+        let Session { translator, args, search, .. } = self.session;
+        // Several sentences about one motion are not what --n-best asks of a sentence.
+        let search = Search { n_best: 1, ..*search };
+        let motion = &acted.motion;
+        let fine = upsampled(motion, args.out_rate)?;
+        let read_back =
+            if args.round_trip { translator.describe(motion, &search)?.sentences } else { Vec::new() };
+        let mut files = Vec::new();
+        for target in targets {
+            if let Some(path) = target.motion_file(made.id.as_deref(), number)
+                && !write::is_recording(&path)
+            {
+                let name = made.id.as_deref().unwrap_or(&made.caption);
+                write::motion(&path, &fine, name, &made.caption)?;
+                files.push(path.display().to_string());
+            }
+        }
+        let mut performed = None;
+        if let Some(stage) = &self.stage {
+            let recordings =
+                targets.iter().filter_map(|target| target.motion_file(made.id.as_deref(), number));
+            let recordings: Vec<_> = recordings.filter(|path| write::is_recording(path)).collect();
+            let performance = stage.perform(&fine, &made.caption, recordings.first().map(|path| &**path))?;
+            files.extend(recordings.iter().map(|path| path.display().to_string()));
+            performed = Some(performance.read_back(translator, &search)?);
+        }
+        let (travel_m, turn_deg) = way(motion);
+        Ok(MotionRecord {
+            duration_secs: motion.duration_secs(),
+            num_frames: motion.num_frames(),
+            rate_hz: motion.rate_hz(),
+            travel_m,
+            turn_deg,
+            files,
+            read_back,
+            performed,
+        })
+    }
+}
+
+/// Distance on the floor from the first to the last place, metres, and change of the heading, degrees.
+fn way(motion: &Motion) -> (f64, f64) {
+    let frames = motion.frames();
+    let (first, last) = (&frames[0], &frames[frames.len() - 1]);
+    let travel = [0, 1].map(|axis| last.root_position_m[axis] - first.root_position_m[axis]);
+    let turn = last.root_rotation_rad[2] - first.root_rotation_rad[2];
+    (travel[0].hypot(travel[1]), turn.to_degrees())
+}
+
+impl ActedRecord {
+    /// For a person.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        let id = self.id.as_ref().map_or_else(String::new, |id| format!("{id}  "));
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "{id}{}", self.caption);
+        for note in &self.notes {
+            let _ = writeln!(text, "  note: {note}");
+        }
+        for (index, motion) in self.motions.iter().enumerate() {
+            let number = if self.motions.len() > 1 { format!("{}. ", index + 1) } else { String::new() };
+            let _ = writeln!(
+                text,
+                "  {number}{:.1} s ({} frames at {} Hz), travels {:.2} m, turns {:.0} degrees",
+                motion.duration_secs, motion.num_frames, motion.rate_hz, motion.travel_m, motion.turn_deg
+            );
+            for sentence in &motion.read_back {
+                let _ = writeln!(
+                    text,
+                    "     read back: {} (log p {:.2})",
+                    sentence.text, sentence.log_probability
+                );
+            }
+            if let Some(performed) = &motion.performed {
+                text.push_str(&performed.text());
+            }
+            for file in &motion.files {
+                let _ = writeln!(text, "     wrote {file}");
+            }
+        }
+        text
+    }
+}
+
+/// A line a motion file, as `--motions` of the other commands takes it.
+pub(super) fn manifest(records: &[ActedRecord]) -> String {
+    let mut text = String::new();
+    for record in records {
+        for file in record.motions.iter().flat_map(|motion| &motion.files) {
+            let name = std::path::Path::new(file).file_name().unwrap_or_default().to_string_lossy();
+            let line = serde_json::json!({ "file": name, "caption": record.caption });
+            let _ = writeln!(text, "{line}");
+        }
+    }
+    text
+}

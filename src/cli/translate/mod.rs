@@ -1,0 +1,305 @@
+//! `rprae translate`: sentences to motions and motions to sentences.
+
+mod act;
+mod describe;
+mod lines;
+mod perform;
+mod plot;
+mod write;
+
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use clap::Args;
+
+use self::act::{ActedRecord, Actor};
+use self::describe::DescribedRecord;
+use self::write::Target;
+use super::exit::{Exit, Failure, OrExit};
+use super::progress::{Counter, Steps};
+use super::train::Device;
+use super::{bundled, output};
+use crate::dataset::{CaptionFile, Dataset, OpenOptions, WordVectors};
+use crate::motion::{Body, bounds};
+use crate::translation::{Acting, DEFAULT_NOISE, DEFAULT_SETTLE_SECS, Search, Translator};
+
+const EXAMPLES: &str = "\
+Examples:
+  rprae translate \"a person walks forward\" --out walk.xml --out walk.svg
+  rprae translate \"a person walks forward\" --round-trip --perform --out walk.mcap
+  rprae translate --motions 00001_mmm.xml --n-best 5
+  rprae translate --captions sentences.txt --out motions
+  rprae translate --motions FOLDER --out written.jsonl
+  rprae translate                                        one sentence or file a line";
+
+/// Arguments of a translation.
+#[derive(Debug, Default, Args)]
+#[command(after_help = EXAMPLES)]
+#[expect(clippy::struct_excessive_bools, reason = "switches of a command line")]
+pub(super) struct TranslateArgs {
+    /// The sentence to make a motion of; - or nothing reads sentences, or names of motion files, from standard input
+    #[arg(value_name = "SENTENCE", conflicts_with_all = ["motions", "captions"])]
+    pub sentence: Option<String>,
+    /// Motions to describe: a file, folder or zip, as `eval-sim --motions` takes it
+    #[arg(long, visible_alias = "motion", value_name = "PATH", conflicts_with = "captions")]
+    pub motions: Option<PathBuf>,
+    /// File of sentences to make motions of (.txt, .tsv, .jsonl, .json)
+    #[arg(long, value_name = "FILE")]
+    pub captions: Option<PathBuf>,
+    /// Folder of a trained model, as `rprae train` leaves it [default: the bundled one]
+    #[arg(long, value_name = "DIR")]
+    pub bundle: Option<PathBuf>,
+    /// Where the result goes, by its ending; may be given several times. Of a sentence: .xml (MMM), .npy (frames x 50),
+    /// .svg (curves), .mcap (performed in the simulator). Of a file of sentences: a folder, or .jsonl. Of motions: .jsonl
+    #[arg(long, value_name = "PATH")]
+    pub out: Vec<PathBuf>,
+    /// Motions of the sentence, or sentences about a motion, best first
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub n_best: u16,
+    /// Sentences followed side by side; 1 is greedy
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub beam: u16,
+    /// Sentences are ranked by log p / words^A: 0 favours short ones, 1 long ones
+    #[arg(long, value_name = "A", default_value_t = 0.7)]
+    pub length_norm: f64,
+    /// Length of the motion in seconds [default: what the model predicts]
+    #[arg(long, value_name = "SECONDS")]
+    pub length: Option<f64>,
+    /// As long as this motion
+    #[arg(long, value_name = "PATH", conflicts_with = "length")]
+    pub length_of: Option<PathBuf>,
+    /// Seconds made and left out at the beginning, while the model finds from its mean first frame into the movement
+    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_SETTLE_SECS)]
+    pub settle: f64,
+    /// Read every motion made back as a sentence
+    #[arg(long)]
+    pub round_trip: bool,
+    /// Let the humanoid perform every motion made in the simulator (level 2), and read back what it did
+    #[arg(long)]
+    pub perform: bool,
+    /// Word vectors for words the model was not trained on: word2vec .bin, or text as `GloVe` and fastText have it, also .gz
+    #[arg(long, value_name = "FILE")]
+    pub vectors: Option<PathBuf>,
+    /// Noise on the latent from the second motion of --n-best on, as a share of its spread over the vocabulary
+    #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_NOISE)]
+    pub noise: f64,
+    /// Seed of that noise
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub seed: u64,
+    /// Frames a second of the motions written; more than the model's follow a smooth curve [default: 100]
+    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
+    pub out_rate: f64,
+    /// Body height in metres of motions made, and of number tables read
+    #[arg(long, value_name = "METRES", default_value_t = 1.75)]
+    pub height: f64,
+    /// Frames per second of number tables read, which do not say it themselves
+    #[arg(long, value_name = "HZ")]
+    pub rate: Option<f64>,
+    /// What computes [default: cpu]
+    #[arg(long, value_enum)]
+    pub device: Option<Device>,
+    /// Print one JSON object a translation
+    #[arg(long)]
+    pub json: bool,
+    /// Replace files that are there already
+    #[arg(long)]
+    pub overwrite: bool,
+    /// Print no progress
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Everything translations of one call share.
+struct Session<'a> {
+    args: &'a TranslateArgs,
+    translator: Translator,
+    acting: Acting,
+    search: Search,
+}
+
+/// Translates what was given and prints it.
+pub(super) fn run(args: &TranslateArgs) -> Result<Exit, Failure> {
+    check(args).or_usage()?;
+    // Inputs and places for outputs are looked at before the model is loaded.
+    let captions = args.captions.as_deref().map(CaptionFile::read).transpose().or_usage()?;
+    let motions = args.motions.as_deref().map(|path| open(args, path)).transpose().or_usage()?;
+    let length_of = args.length_of.as_deref().map(|path| duration(args, path)).transpose().or_usage()?;
+    let targets = write::targets(args).or_usage()?;
+
+    let translator = bundled::load(args.bundle.as_deref(), args.device).or_usage()?;
+    let mut session = Session {
+        args,
+        translator,
+        acting: Acting {
+            length_secs: args.length.or(length_of),
+            settle_secs: args.settle,
+            body: Body::with_default_mass(args.height),
+        },
+        search: Search {
+            beam: usize::from(args.beam),
+            n_best: usize::from(args.n_best),
+            length_exponent: args.length_norm,
+            most_words: None,
+        },
+    };
+    match (&args.sentence, captions, motions) {
+        (_, Some(file), _) => session.act_all(&file, &targets),
+        (_, _, Some(dataset)) => session.describe_all(&dataset, &targets),
+        (Some(sentence), ..) if sentence != "-" => session.act_one(sentence, &targets),
+        _ => lines::run(&mut session),
+    }
+}
+
+fn check(args: &TranslateArgs) -> anyhow::Result<()> {
+    let within = |name: &str, value: f64, low: f64, high: f64| {
+        if (low..=high).contains(&value) {
+            Ok(())
+        } else {
+            Err(anyhow!("use --{name} {value}: expected {low} to {high}"))
+        }
+    };
+    within("length-norm", args.length_norm, 0.0, 5.0)?;
+    within("noise", args.noise, 0.0, 100.0)?;
+    within("settle", args.settle, 0.0, 10.0)?;
+    within("height", args.height, *bounds::HEIGHT_M.start(), *bounds::HEIGHT_M.end())?;
+    within("out-rate", args.out_rate, *bounds::RATE_HZ.start(), *bounds::RATE_HZ.end())
+}
+
+fn open(args: &TranslateArgs, path: &Path) -> anyhow::Result<Dataset> {
+    let options = OpenOptions { rate_hz: args.rate, height_m: args.height, ..OpenOptions::default() };
+    Ok(Dataset::open(path, &options)?)
+}
+
+/// Duration of the only motion at a path, seconds.
+fn duration(args: &TranslateArgs, path: &Path) -> anyhow::Result<f64> {
+    let dataset = open(args, path)?;
+    let [entry] = dataset.entries() else {
+        return Err(anyhow!(
+            "take the length of {}: it holds {} motions, expected one",
+            path.display(),
+            dataset.entries().len()
+        ));
+    };
+    let sample =
+        dataset.load(entry).map_err(|skipped| anyhow!("read {}: {}", path.display(), skipped.reason))?;
+    Ok(sample.motion.duration_secs())
+}
+
+impl Session<'_> {
+    /// Looks up the vectors of words the model was not trained on.
+    fn look_up<'c>(&mut self, captions: impl IntoIterator<Item = &'c str>) -> anyhow::Result<()> {
+        let Some(path) = &self.args.vectors else { return Ok(()) };
+        let unknown = self.translator.unknown_words(captions);
+        if unknown.is_empty() {
+            return Ok(());
+        }
+        let counter = Counter::new(self.args.quiet);
+        let read = WordVectors::read(path, &unknown, &|share| {
+            counter.show("word vectors", (100.0 * share) as usize, 100);
+        });
+        counter.finish();
+        let vectors = read?;
+        for warning in &vectors.warnings {
+            eprintln!("{}: {warning}", path.display());
+        }
+        Ok(self.translator.add_vectors(vectors)?)
+    }
+
+    /// One sentence, given on the command line.
+    fn act_one(&mut self, sentence: &str, targets: &[Target]) -> Result<Exit, Failure> {
+        self.look_up([sentence]).or_usage()?;
+        let actor = Actor::new(self).or_failed()?;
+        let acted = actor.act(None, sentence).or_usage()?;
+        let record = actor.finish(acted, targets).or_failed()?;
+        write::records(targets, std::slice::from_ref(&record), None).or_failed()?;
+        self.print(&record, ActedRecord::text)?;
+        Ok(Exit::Clean)
+    }
+
+    /// A file of sentences.
+    fn act_all(&mut self, file: &CaptionFile, targets: &[Target]) -> Result<Exit, Failure> {
+        let texts = || file.records.iter().flat_map(|record| &record.texts).map(String::as_str);
+        self.look_up(texts()).or_usage()?;
+        let actor = Actor::new(self).or_failed()?;
+        let mut skipped = file.skipped.len();
+        for input in &file.skipped {
+            eprintln!("skipped {}: {}", input.id, input.reason);
+        }
+        let steps = Steps::new(self.args.quiet || targets.is_empty(), file.num_captions());
+        let mut records = Vec::new();
+        for (number, text) in texts().enumerate() {
+            let id = format!("{:05}", number + 1);
+            let outcome = match actor.act(Some(id.clone()), text) {
+                Ok(acted) => Ok(actor.finish(acted, targets).or_failed()?),
+                Err(error) => Err(error.to_string()),
+            };
+            steps.step(&id, outcome.as_ref().err().map(String::as_str));
+            match outcome {
+                Ok(record) => {
+                    if targets.is_empty() {
+                        self.print(&record, ActedRecord::text)?;
+                    }
+                    records.push(record);
+                }
+                Err(_) => skipped += 1,
+            }
+        }
+        steps.finish();
+        write::records(targets, &records, Some(&act::manifest(&records))).or_failed()?;
+        self.print_counts(records.len(), "sentences", skipped, targets)
+    }
+
+    /// Motions to be described.
+    fn describe_all(&self, dataset: &Dataset, targets: &[Target]) -> Result<Exit, Failure> {
+        let mut skipped = dataset.skipped().len();
+        for input in dataset.skipped() {
+            eprintln!("skipped {}: {}", input.id, input.reason);
+        }
+        let steps = Steps::new(self.args.quiet || targets.is_empty(), dataset.entries().len());
+        let mut records = Vec::new();
+        for entry in dataset.entries() {
+            let outcome = dataset
+                .load(entry)
+                .map_err(|skipped| skipped.reason)
+                .and_then(|sample| DescribedRecord::new(self, sample).map_err(|error| error.to_string()));
+            steps.step(&entry.id, outcome.as_ref().err().map(String::as_str));
+            match outcome {
+                Ok(record) => {
+                    if targets.is_empty() {
+                        self.print(&record, DescribedRecord::text)?;
+                    }
+                    records.push(record);
+                }
+                Err(_) => skipped += 1,
+            }
+        }
+        steps.finish();
+        write::records(targets, &records, None).or_failed()?;
+        self.print_counts(records.len(), "motions", skipped, targets)
+    }
+
+    fn print<T: serde::Serialize>(&self, record: &T, text: impl Fn(&T) -> String) -> Result<(), Failure> {
+        let text =
+            if self.args.json { serde_json::to_string(record).or_failed()? + "\n" } else { text(record) };
+        output::print(&text).or_failed()
+    }
+
+    fn print_counts(
+        &self,
+        done: usize,
+        what: &str,
+        skipped: usize,
+        targets: &[Target],
+    ) -> Result<Exit, Failure> {
+        if !targets.is_empty() && !self.args.quiet {
+            let places: Vec<String> =
+                targets.iter().map(|target| target.path().display().to_string()).collect();
+            let text = format!("{done} {what} translated, {skipped} skipped: {}\n", places.join(", "));
+            output::print(&text).or_failed()?;
+        }
+        if done == 0 && skipped > 0 {
+            return Err(anyhow!("translate anything: all {skipped} {what} were skipped")).or_usage();
+        }
+        Ok(if skipped > 0 { Exit::Skipped } else { Exit::Clean })
+    }
+}

@@ -1,0 +1,167 @@
+//! A motion performed by the humanoid in the simulator, and what that says.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::anyhow;
+use serde::Serialize;
+
+use crate::harness::{self, RunSettings};
+use crate::humanoid::Humanoid;
+use crate::manifest::VERSION;
+use crate::motion::Motion;
+use crate::plausibility::{Score, rollout_scores};
+use crate::recording::{Recorder, RecordingError, RecordingHeader, RecordingSummary};
+use crate::simulation::{ENGINE_VERSION, Event, Level, Observer, Outcome, RolloutSample, Simulation};
+use crate::translation::{Search, Sentence, TranslationError, Translator, performed_motion};
+
+/// A simulator that passed its self-test.
+pub(super) struct Stage {
+    settings: RunSettings,
+}
+
+/// What the humanoid did.
+pub(super) struct Performed {
+    /// Its movement, until the end or the failure.
+    motion: Motion,
+    outcome: Outcome,
+    scores: Vec<Score>,
+}
+
+/// What the humanoid did, and what that says.
+#[derive(Debug, Serialize)]
+pub(super) struct Performance {
+    /// Level and engine.
+    level: Level,
+    /// How the rollout ended.
+    outcome: Outcome,
+    /// What the movement of the humanoid says.
+    read_back: Vec<Sentence>,
+    /// Scores of the rollout by key.
+    scores: BTreeMap<&'static str, f64>,
+}
+
+impl Stage {
+    /// Proves the engine, or remembers that it was proved.
+    pub fn new(quiet: bool) -> anyhow::Result<Self> {
+        let settings = RunSettings::default();
+        let proof = harness::prove(&settings.simulation, harness::cache_folder().as_deref())?;
+        if let Some(check) = proof.failed().next() {
+            return Err(anyhow!("prove the physics engine; `rprae doctor` shows all checks: {check}"));
+        }
+        if !quiet {
+            eprintln!("{}", proof.line());
+        }
+        Ok(Self { settings })
+    }
+
+    /// Performs a motion at level 2, recorded at `path` if there is one.
+    pub fn perform(&self, motion: &Motion, caption: &str, path: Option<&Path>) -> anyhow::Result<Performed> {
+        let humanoid = Humanoid::new(motion.body())?;
+        let settings = &self.settings.simulation;
+        let simulation = Simulation::new(&humanoid, motion, settings)?;
+        let metadata = [
+            ("rprae", VERSION.to_owned()),
+            ("engine", format!("rapier {ENGINE_VERSION}")),
+            ("signature", self.settings.signature()),
+        ];
+        let metadata = metadata.map(|(name, value)| (name.to_owned(), value)).into();
+        let header = RecordingHeader {
+            humanoid: &humanoid,
+            id: "translation",
+            captions: &[caption.to_owned()],
+            level: Level::L2,
+            settings: &self.settings.to_toml()?,
+            metadata: &metadata,
+            sample_interval_secs: settings.steps_per_sample() as f64 * settings.dt_secs,
+        };
+        let recorder = path.map(|path| Recorder::replace(path, &header)).transpose()?;
+        let mut recording = Recording { recorder, error: None };
+        let rollout = simulation.run_under(Level::L2, &simulation.undisturbed(), &mut recording)?;
+        let scores = rollout_scores(&humanoid, &rollout);
+        if let Some(error) = recording.error {
+            return Err(error.into());
+        }
+        if let Some(recorder) = recording.recorder {
+            let values: BTreeMap<&str, f64> =
+                scores.iter().map(|score| (score.metric.key, score.value)).collect();
+            let result_json = serde_json::to_string_pretty(&values)?;
+            recorder.finish(&rollout, &RecordingSummary { result_json: &result_json, scores: &scores })?;
+        }
+        let motion = performed_motion(motion.body(), &rollout)?;
+        Ok(Performed { motion, outcome: rollout.outcome, scores })
+    }
+}
+
+impl Performed {
+    /// Reads the movement back.
+    pub fn read_back(
+        self,
+        translator: &Translator,
+        search: &Search,
+    ) -> Result<Performance, TranslationError> {
+        Ok(Performance {
+            level: Level::L2,
+            outcome: self.outcome,
+            read_back: translator.describe(&self.motion, search)?.sentences,
+            scores: self.scores.iter().map(|score| (score.metric.key, score.value)).collect(),
+        })
+    }
+}
+
+impl Performance {
+    /// For a person.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        let score = |key: &str| {
+            self.scores.get(key).map_or_else(|| "-".to_owned(), |value| crate::report::compact(*value))
+        };
+        let ended = match &self.outcome {
+            Outcome::Completed => String::new(),
+            Outcome::Failed { time_secs, reason } => format!(" until {time_secs:.2} s, when {reason}"),
+        };
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "     performed in rapier at level 2{ended}: {} mm from the pose commanded, assisted by {} % of body weight",
+            score("l2/mpjpe_root"),
+            score("l2/assist_mean"),
+        );
+        for sentence in &self.read_back {
+            let _ = writeln!(
+                text,
+                "     read back from what it did: {} (log p {:.2})",
+                sentence.text, sentence.log_probability
+            );
+        }
+        text
+    }
+}
+
+/// A recording that may be switched off; the first error is kept.
+struct Recording {
+    recorder: Option<Recorder>,
+    error: Option<RecordingError>,
+}
+
+impl Recording {
+    fn write(&mut self, write: impl FnOnce(&mut Recorder) -> Result<(), RecordingError>) {
+        if let Some(recorder) = &mut self.recorder
+            && let Err(error) = write(recorder)
+        {
+            self.recorder = None;
+            self.error = Some(error);
+        }
+    }
+}
+
+impl Observer for Recording {
+    fn sample(&mut self, sample: &RolloutSample) {
+        self.write(|recorder| recorder.sample(sample));
+    }
+
+    fn event(&mut self, event: &Event) {
+        self.write(|recorder| recorder.event(event));
+    }
+}

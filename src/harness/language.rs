@@ -1,0 +1,219 @@
+//! What a trained model says about the motions of a run.
+//!
+//! In: a [`Translator`], perhaps a sentence encoder, and motions with the sentences they should mean.
+//! Out: the sentence read back from a motion, and how near it is to those sentences.
+//! The score of the motion as it was given minus that of the motion as it was performed is the meaning lost to physics.
+
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use sha2::{Digest as _, Sha256};
+
+use super::SettingsProblem;
+use super::language_metrics::{LANGUAGE_METRICS, of_encoder};
+use crate::evaluation::encoder::{Encoder, EncoderError, Pooling};
+use crate::evaluation::{Bleu, Corpus, Segment, Smoothing, cosine};
+use crate::manifest::{hex, sha256_hex};
+use crate::motion::{Motion, bounds};
+use crate::report::MetricRecord;
+use crate::simulation::Level;
+use crate::translation::{DEFAULT_NOISE, DEFAULT_SETTLE_SECS, Search, TranslationError, Translator};
+
+/// Most motions of one sentence.
+const MAX_N_BEST: usize = 1000;
+
+/// How motions are read back.
+const READ_BACK: Search = Search { beam: 5, n_best: 1, length_exponent: 0.7, most_words: None };
+
+/// Sentence BLEU-4 over lower-case words and marks; an order without a match counts a tenth of one.
+const SENTENCE_BLEU: Bleu = Bleu { smoothing: Smoothing::NltkEpsilon(0.1), ..Bleu::PAPER };
+
+/// A model in the loop: what it is, and what motions are made with it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LanguageSettings {
+    /// Folder of the bundle; the bundled model when absent.
+    pub bundle: Option<PathBuf>,
+    /// Checksum of the bundle, as [`bundle_sha256`]; a run with another bundle is refused. Filled in when a run starts.
+    pub bundle_sha256: String,
+    /// Sentences to make motions of; the bundled sentences when absent and the run has no motions of its own.
+    pub captions: Option<PathBuf>,
+    /// Motions made of every sentence, of which the most plausible is kept.
+    pub n_best: usize,
+    /// Noise on the latent from the second of them on, as a share of its spread over the vocabulary.
+    pub noise: f64,
+    /// Length of motions made, seconds; what the model predicts when absent.
+    pub length_secs: Option<f64>,
+    /// Time at the beginning of motions that is made and left out, seconds; see [`crate::translation::Acting::settle_secs`].
+    pub settle_secs: f64,
+    /// Body height of motions made, metres.
+    pub height_m: f64,
+    /// Word vectors for words the model was not trained on.
+    pub vectors: Option<PathBuf>,
+    /// Folder of a sentence encoder for the cosine between sentences.
+    pub sentence_encoder: Option<PathBuf>,
+}
+
+impl Default for LanguageSettings {
+    fn default() -> Self {
+        Self {
+            bundle: None,
+            bundle_sha256: String::new(),
+            captions: None,
+            n_best: 1,
+            noise: DEFAULT_NOISE,
+            length_secs: None,
+            settle_secs: DEFAULT_SETTLE_SECS,
+            height_m: 1.75,
+            vectors: None,
+            sentence_encoder: None,
+        }
+    }
+}
+
+impl LanguageSettings {
+    /// Checks every setting.
+    pub(super) fn check(&self) -> Result<(), SettingsProblem> {
+        let outside = |name, found: String, expected| Err(SettingsProblem::Value { name, found, expected });
+        if !(1..=MAX_N_BEST).contains(&self.n_best) {
+            return outside("language.n_best", self.n_best.to_string(), "1 to 1000");
+        }
+        if !(0.0..=100.0).contains(&self.noise) {
+            return outside("language.noise", self.noise.to_string(), "0 to 100");
+        }
+        if let Some(secs) = self.length_secs.filter(|secs| !(0.1..=600.0).contains(secs)) {
+            return outside("language.length_secs", secs.to_string(), "0.1 to 600 s");
+        }
+        if !(0.0..=10.0).contains(&self.settle_secs) {
+            return outside("language.settle_secs", self.settle_secs.to_string(), "0 to 10 s");
+        }
+        if !bounds::HEIGHT_M.contains(&self.height_m) {
+            return outside("language.height_m", self.height_m.to_string(), "0.3 to 3 m");
+        }
+        Ok(())
+    }
+}
+
+/// A model in the loop, loaded.
+#[derive(Debug)]
+pub struct Language {
+    translator: Translator,
+    encoder: Option<(Encoder, Pooling)>,
+    /// What the numbers depend on besides the metric.
+    signature: String,
+}
+
+/// A sentence read back from a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ReadBack {
+    pub text: String,
+    /// Sentence BLEU-4 against the sentences it should mean, 0..1.
+    pub bleu: f64,
+    /// Largest cosine between the latent of the motion and those of the sentences.
+    pub latent_cosine: f64,
+    /// Largest cosine between the sentence and those it should mean, of the encoder.
+    pub sentence_cosine: Option<f64>,
+}
+
+/// Checksum of everything in a bundle that changes a number, hexadecimal: all files but the model card, by name.
+///
+/// # Errors
+/// Any error of the file system.
+pub fn bundle_sha256(folder: &Path) -> std::io::Result<String> {
+    let mut names: Vec<_> =
+        std::fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect::<std::io::Result<_>>()?;
+    names.retain(|name| name != "README.md");
+    names.sort();
+    let mut digest = Sha256::new();
+    for name in names {
+        let bytes = std::fs::read(folder.join(&name))?;
+        digest.update(sha256_hex(name.as_encoded_bytes()));
+        digest.update(sha256_hex(&bytes));
+    }
+    Ok(hex(&digest.finalize()))
+}
+
+/// Why nothing can be read back.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum ReadBackError {
+    #[error(transparent)]
+    Translation(#[from] TranslationError),
+    #[error(transparent)]
+    Encoder(#[from] EncoderError),
+    #[error(transparent)]
+    Corpus(#[from] crate::evaluation::CorpusError),
+}
+
+impl Language {
+    /// A model, with the checksum of its bundle, and perhaps an encoder with how it makes one vector of a sentence.
+    #[must_use]
+    pub fn new(translator: Translator, bundle_sha256: &str, encoder: Option<(Encoder, Pooling)>) -> Self {
+        let bundle: String = bundle_sha256.chars().take(12).collect();
+        let signature = format!("bundle:{bundle}|beam:{}|len:{}", READ_BACK.beam, READ_BACK.length_exponent);
+        Self { translator, encoder, signature }
+    }
+
+    /// The model.
+    #[must_use]
+    pub fn translator(&self) -> &Translator {
+        &self.translator
+    }
+
+    /// The metrics that a run at these levels adds.
+    pub(super) fn metrics(&self, levels: &[Level], n_best: usize) -> Vec<MetricRecord> {
+        LANGUAGE_METRICS
+            .iter()
+            .filter(|metric| levels.contains(&metric.level))
+            .filter(|metric| n_best > 1 || !metric.key.contains("n_best"))
+            .filter_map(|metric| {
+                let mut record = MetricRecord::from(*metric);
+                record.signature = format!("{}|{}", self.signature, metric.signature);
+                if of_encoder(metric) {
+                    let (encoder, pooling) = self.encoder.as_ref()?;
+                    record.signature =
+                        format!("{}|{}", record.signature, encoder.sentence_signature(*pooling));
+                }
+                Some(record)
+            })
+            .collect()
+    }
+
+    /// Reads a motion back and compares it with what it should mean; `None` without a sentence the model can read.
+    pub(super) fn read_back(
+        &self,
+        motion: &Motion,
+        captions: &[String],
+    ) -> Result<Option<ReadBack>, ReadBackError> {
+        let latents: Vec<Vec<f32>> = captions
+            .iter()
+            .filter_map(|caption| self.translator.read(caption).ok())
+            .map(|reading| self.translator.latent_of(&reading))
+            .collect();
+        if latents.is_empty() {
+            return Ok(None);
+        }
+        let described = self.translator.describe(motion, &READ_BACK)?;
+        let latent_cosine =
+            latents.iter().map(|latent| cosine(&described.latent, latent)).fold(-1.0, f64::max);
+        let text = described.best().to_owned();
+        let segment = Segment { id: String::new(), hypothesis: text.clone(), references: captions.to_vec() };
+        let [.., bleu] = SENTENCE_BLEU.measure(&Corpus::new(vec![segment])?);
+        let sentence_cosine = match &self.encoder {
+            Some((encoder, pooling)) => Some(nearest(encoder, *pooling, &text, captions)?),
+            None => None,
+        };
+        Ok(Some(ReadBack { text, bleu: bleu.score(), latent_cosine, sentence_cosine }))
+    }
+}
+
+/// Largest cosine between a sentence and some others.
+fn nearest(
+    encoder: &Encoder,
+    pooling: Pooling,
+    text: &str,
+    captions: &[String],
+) -> Result<f64, EncoderError> {
+    let sentences: Vec<&str> = std::iter::once(text).chain(captions.iter().map(String::as_str)).collect();
+    let vectors = encoder.sentence_vectors(&sentences, pooling)?;
+    Ok(vectors[1..].iter().map(|other| cosine(&vectors[0], other)).fold(-1.0, f64::max))
+}

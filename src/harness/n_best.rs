@@ -1,0 +1,136 @@
+//! The most plausible of several motions of one sentence.
+
+use std::collections::BTreeMap;
+
+use super::language_metrics::{N_BEST_DYNAMIC, N_BEST_RESIDUAL, N_BEST_SKATE};
+use crate::humanoid::Humanoid;
+use crate::motion::Motion;
+use crate::plausibility::{Better, Metric, Score, find_metric, inverse_scores, kinematic_scores};
+use crate::report::Candidate;
+use crate::simulation::{Level, Simulation, SimulationSettings};
+
+/// Scores that candidates are ranked by, all of levels that need no rollout; smaller is better in each.
+const JUDGED: [&str; 5] =
+    ["l0/skate", "l0/float", "l0/penetration", "l1/residual_force_gated", "l1/torque_limit_share"];
+/// Tells what the choice costs; standing still is the most plausible motion of all.
+const DYNAMIC: &str = "l0/dynamic_degree";
+
+/// Judges motions of the same sentence and keeps one: the place of the kept one, and all with their scores.
+///
+/// For each score a candidate gets the share of the others that are better; the smallest mean is kept.
+/// Ranks have no unit, so millimetres and newtons need no weights.
+///
+/// # Errors
+/// What stands in the way of scoring, as one line.
+pub(super) fn choose(
+    motions: &[Motion],
+    settings: &SimulationSettings,
+) -> Result<(usize, Vec<Candidate>), String> {
+    let scores: Vec<BTreeMap<String, f64>> =
+        motions.iter().map(|motion| judge(motion, settings)).collect::<Result<_, _>>()?;
+    let badness: Vec<f64> = (0..motions.len()).map(|place| badness(&scores, place)).collect();
+    let kept = (0..motions.len()).min_by(|&a, &b| badness[a].total_cmp(&badness[b])).unwrap_or(0);
+    let candidates = scores
+        .into_iter()
+        .zip(badness)
+        .enumerate()
+        .map(|(place, (scores, badness))| Candidate { badness, kept: place == kept, scores });
+    Ok((kept, candidates.collect()))
+}
+
+fn judge(motion: &Motion, settings: &SimulationSettings) -> Result<BTreeMap<String, f64>, String> {
+    let humanoid = Humanoid::new(motion.body()).map_err(|error| format!("build the body: {error}"))?;
+    let simulation = Simulation::new(&humanoid, motion, settings)
+        .map_err(|error| format!("judge a candidate: {error}"))?;
+    let mut all = kinematic_scores(&humanoid, motion);
+    all.extend(inverse_scores(&humanoid, simulation.reference_motion()));
+    let wanted = |key: &str| JUDGED.contains(&key) || key == DYNAMIC;
+    Ok(all
+        .into_iter()
+        .filter(|score| wanted(score.metric.key))
+        .map(|score| (score.metric.key.to_owned(), score.value))
+        .collect())
+}
+
+/// Mean over the scores of the share of the others that are better; a score that is not there is as bad as can be.
+fn badness(scores: &[BTreeMap<String, f64>], place: usize) -> f64 {
+    let others = scores.len().saturating_sub(1).max(1) as f64;
+    let share = |key: &str| {
+        let value = |scores: &BTreeMap<String, f64>| scores.get(key).copied().unwrap_or(f64::INFINITY);
+        let ours = value(&scores[place]);
+        scores.iter().filter(|other| value(other) < ours).count() as f64 / others
+    };
+    JUDGED.iter().map(|key| share(key)).sum::<f64>() / JUDGED.len() as f64
+}
+
+/// What choosing gained at a level; nothing where there was no choice.
+pub(super) fn gains(candidates: &[Candidate], level: Level) -> Vec<Score> {
+    let Some(kept) = candidates.iter().find(|candidate| candidate.kept) else { return Vec::new() };
+    let gains: [(&'static Metric, &str); 3] = [
+        (&N_BEST_DYNAMIC, DYNAMIC),
+        (&N_BEST_SKATE, "l0/skate"),
+        (&N_BEST_RESIDUAL, "l1/residual_force_gated"),
+    ];
+    gains
+        .into_iter()
+        .filter(|(metric, _)| metric.level == level)
+        .filter_map(|(metric, key)| {
+            let values: Option<Vec<f64>> =
+                candidates.iter().map(|candidate| candidate.scores.get(key).copied()).collect();
+            let values = values?;
+            let mean = values.iter().sum::<f64>() / values.len() as f64;
+            let saved = mean - kept.scores.get(key)?;
+            let is_higher_better = find_metric(key)?.better == Better::Higher;
+            Score::new(metric, if is_higher_better { -saved } else { saved })
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn candidate(skate: f64, residual: f64, dynamic: f64, kept: bool) -> Candidate {
+        let scores = [("l0/skate", skate), ("l1/residual_force_gated", residual), (DYNAMIC, dynamic)];
+        let scores = scores.map(|(key, value)| (key.to_owned(), value)).into();
+        Candidate { badness: 0.0, kept, scores }
+    }
+
+    #[test]
+    fn gains_are_told_in_the_units_of_the_scores_and_so_is_their_price() {
+        let candidates = [
+            candidate(10.0, 5.0, 2.0, false),
+            candidate(4.0, 3.0, 1.0, true),
+            candidate(7.0, 1.0, 3.0, false),
+        ];
+        let of = |level| -> Vec<(&str, f64)> {
+            gains(&candidates, level).iter().map(|score| (score.metric.key, score.value)).collect()
+        };
+        assert_eq!(of(Level::L0), [("l0/n_best_dynamic_gain", -1.0), ("l0/n_best_skate_gain", 3.0)]);
+        assert_eq!(of(Level::L1), [("l1/n_best_residual_gain", 0.0)]);
+        assert!(gains(&[], Level::L0).is_empty());
+    }
+
+    #[test]
+    fn every_judged_score_is_one_where_smaller_is_better() {
+        for key in JUDGED {
+            assert_eq!(find_metric(key).unwrap().better, Better::Lower, "{key}");
+        }
+        assert_eq!(find_metric(DYNAMIC).unwrap().better, Better::Higher);
+    }
+
+    #[test]
+    fn the_candidate_with_the_best_ranks_is_kept() {
+        let scores = |values: [f64; 5]| -> BTreeMap<String, f64> {
+            JUDGED.iter().zip(values).map(|(key, value)| ((*key).to_owned(), value)).collect()
+        };
+        let all = [
+            scores([1.0, 9.0, 9.0, 9.0, 0.0]),
+            scores([2.0, 1.0, 1.0, 1.0, 0.0]),
+            scores([3.0, 2.0, 2.0, 2.0, 0.0]),
+        ];
+        let found: Vec<f64> = (0..3).map(|place| badness(&all, place)).collect();
+        // Of two others, by five scores: equal ones count for neither.
+        assert_eq!(found, [(0.0 + 1.0 + 1.0 + 1.0) / 5.0, 0.5 / 5.0, (1.0 + 0.5 + 0.5 + 0.5) / 5.0]);
+    }
+}
