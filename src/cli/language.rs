@@ -70,7 +70,9 @@ pub(super) fn load(settings: &RunSettings) -> anyhow::Result<Option<(Language, O
     if let Some(path) = &language.vectors {
         let texts = sentences.iter().flat_map(|file| &file.records).flat_map(|record| &record.texts);
         let unknown = translator.unknown_words(texts.map(String::as_str));
-        translator.add_vectors(WordVectors::read(path, &unknown, &|_| ())?)?;
+        if !unknown.is_empty() {
+            translator.add_vectors(WordVectors::read(path, &unknown, &|_| ())?)?;
+        }
     }
     let encoder = match &language.sentence_encoder {
         None => None,

@@ -72,6 +72,29 @@ impl Default for LanguageSettings {
 }
 
 impl LanguageSettings {
+    /// Everything that changes a motion that is made, as `name:value` pairs joined by `|`.
+    pub(super) fn signature(&self, seed: u64) -> String {
+        // Taken apart field by field, so that a new setting cannot be forgotten here.
+        let Self {
+            bundle: _,
+            bundle_sha256,
+            captions: _,
+            n_best,
+            noise,
+            length_secs,
+            settle_secs,
+            height_m,
+            vectors,
+            sentence_encoder: _,
+        } = self;
+        let bundle: String = bundle_sha256.chars().take(12).collect();
+        let length = length_secs.map_or_else(|| "predicted".to_owned(), |secs| format!("{secs}s"));
+        let chosen =
+            if *n_best > 1 { format!("n-best:{n_best},{noise},seed{seed}") } else { "n-best:1".to_owned() };
+        let words = if vectors.is_some() { "|vectors:given" } else { "" };
+        format!("model:{bundle}|{chosen}|length:{length}|settle:{settle_secs}s|height:{height_m}m{words}")
+    }
+
     /// Checks every setting.
     pub(super) fn check(&self) -> Result<(), SettingsProblem> {
         let outside = |name, found: String, expected| Err(SettingsProblem::Value { name, found, expected });
@@ -142,6 +165,8 @@ pub(super) enum ReadBackError {
     Encoder(#[from] EncoderError),
     #[error(transparent)]
     Corpus(#[from] crate::evaluation::CorpusError),
+    #[error("the model's latents are not finite")]
+    NotFinite,
 }
 
 impl Language {
@@ -193,8 +218,10 @@ impl Language {
             return Ok(None);
         }
         let described = self.translator.describe(motion, &READ_BACK)?;
-        let latent_cosine =
-            latents.iter().map(|latent| cosine(&described.latent, latent)).fold(-1.0, f64::max);
+        let latent_cosine = largest(latents.iter().map(|latent| cosine(&described.latent, latent)));
+        if !latent_cosine.is_finite() {
+            return Err(ReadBackError::NotFinite);
+        }
         let text = described.best().to_owned();
         let segment = Segment { id: String::new(), hypothesis: text.clone(), references: captions.to_vec() };
         let [.., bleu] = SENTENCE_BLEU.measure(&Corpus::new(vec![segment])?);
@@ -215,5 +242,23 @@ fn nearest(
 ) -> Result<f64, EncoderError> {
     let sentences: Vec<&str> = std::iter::once(text).chain(captions.iter().map(String::as_str)).collect();
     let vectors = encoder.sentence_vectors(&sentences, pooling)?;
-    Ok(vectors[1..].iter().map(|other| cosine(&vectors[0], other)).fold(-1.0, f64::max))
+    Ok(largest(vectors[1..].iter().map(|other| cosine(&vectors[0], other))))
+}
+
+/// The largest cosine, NaN when one is.
+fn largest(cosines: impl Iterator<Item = f64>) -> f64 {
+    cosines.fold(-1.0, |largest, cosine| if largest.is_nan() || cosine <= largest { largest } else { cosine })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::largest;
+
+    #[test]
+    fn no_number_is_larger_than_one_that_is_none() {
+        assert_eq!(largest([0.2, -0.5].into_iter()), 0.2);
+        assert!(
+            largest([f64::NAN, 0.5].into_iter()).is_nan() && largest([0.5, f64::NAN].into_iter()).is_nan()
+        );
+    }
 }

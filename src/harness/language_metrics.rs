@@ -94,7 +94,8 @@ pub(super) static N_BEST_SKATE: Metric = Metric {
     key: "l0/n_best_skate_gain",
     title: "n-best skate gain",
     unit: "mm/s",
-    formula: "mean l0/skate of all motions made of the sentence minus that of the one kept; positive when choosing helped",
+    formula: "l0/skate of the first motion made of the sentence, the one without noise, minus that of the one kept; this score is \
+              among those chosen by",
     ..N_BEST
 };
 /// What choosing costs of movement: standing still is the most plausible motion of all.
@@ -102,7 +103,7 @@ pub(super) static N_BEST_DYNAMIC: Metric = Metric {
     key: "l0/n_best_dynamic_gain",
     title: "n-best dynamics gain",
     unit: "m/s",
-    formula: "l0/dynamic_degree of the motion kept minus the mean of all made of the sentence; negative when the stillest \
+    formula: "l0/dynamic_degree of the motion kept minus that of the first made of the sentence; negative when a stiller one \
               was kept",
     ..N_BEST
 };
@@ -112,8 +113,8 @@ pub(super) static N_BEST_RESIDUAL: Metric = Metric {
     title: "n-best residual gain",
     unit: "% BW",
     level: Level::L1,
-    formula: "mean l1/residual_force_gated of all motions made of the sentence minus that of the one kept; positive when \
-              choosing helped",
+    formula: "l1/residual_force_gated of the first motion made of the sentence, the one without noise, minus that of the one \
+              kept; this score is among those chosen by",
     ..N_BEST
 };
 

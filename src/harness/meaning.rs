@@ -35,7 +35,7 @@ impl<'a> Meaning<'a> {
     /// Scores of what the humanoid did, and what was lost; nothing for a rollout that failed.
     pub fn score_performed(&self, result: &mut LevelResult, rollout: &Rollout, failures: &mut Vec<String>) {
         let (Some(given), Outcome::Completed) = (&self.given, &rollout.outcome) else { return };
-        let performed = match performed_motion(self.sample.motion.body(), rollout) {
+        let performed = match performed_motion(&self.sample.motion, rollout) {
             Ok(performed) => performed,
             Err(error) => {
                 failures.push(format!("L2: read back what the humanoid did: {error}"));
@@ -68,7 +68,7 @@ fn read_back(
         Ok(read) => read,
         // Too short or too long for the model, which says nothing about the case.
         Err(ReadBackError::Translation(_) | ReadBackError::Corpus(_)) => None,
-        Err(ReadBackError::Encoder(error)) => {
+        Err(error @ (ReadBackError::Encoder(_) | ReadBackError::NotFinite)) => {
             failures.push(format!("{level}: read back the caption: {error}"));
             None
         }

@@ -192,9 +192,11 @@ impl RunSettings {
             JointForm::Multibody => "multibody",
         };
         let switch = |on: bool| if on { "on" } else { "off" };
+        let made = self.language.as_ref().filter(|_| self.has_generated());
+        let made = made.map_or_else(String::new, |language| format!("|{}", language.signature(self.seed)));
         format!(
             "dt:{}s|pgs:{pgs_iterations}|joints:{joints}|assist:{assist_limit}bw,{assist_arm_m}m|\
-             friction:{friction}|record:{record_rate_hz}hz|feed-forward:{}|swing-lift:{}|level-soles:{}|ground:{ground_correction_limit_m}m",
+             friction:{friction}|record:{record_rate_hz}hz|feed-forward:{}|swing-lift:{}|level-soles:{}|ground:{ground_correction_limit_m}m{made}",
             step(*dt_secs),
             switch(*feed_forward),
             switch(*swing_lift),

@@ -123,7 +123,13 @@ impl Search {
         let all = ended.chain(open.into_iter().take(cut).map(|sentence| (sentence, false)));
         let mut sentences: Vec<Sentence> =
             all.map(|(sentence, has_ended)| self.sentence(bundle, sentence, has_ended)).collect();
-        sentences.sort_by(|a, b| b.score.total_cmp(&a.score).then_with(|| a.words.cmp(&b.words)));
+        // A sentence that was cut lacks the price of its end, so it stands behind those that came to one.
+        sentences.sort_by(|a, b| {
+            b.has_ended
+                .cmp(&a.has_ended)
+                .then_with(|| b.score.total_cmp(&a.score))
+                .then_with(|| a.words.cmp(&b.words))
+        });
         sentences.truncate(self.n_best.max(1));
         sentences
     }

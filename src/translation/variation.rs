@@ -38,7 +38,11 @@ pub(super) fn vary(latent: &[f32], spread: &[f32], number: u64, noise: f64, seed
     if number == 0 {
         return latent.to_vec();
     }
-    let mut draws = Draws::new(seed, "latent", number);
+    // Other sentences get other noise, so that what is said over sentences is said over independent draws.
+    let place = latent.iter().fold(0xcbf2_9ce4_8422_2325, |hash, value| {
+        (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3)
+    });
+    let mut draws = Draws::new(seed ^ place, "latent", number);
     latent
         .iter()
         .zip(spread)
@@ -65,6 +69,8 @@ mod tests {
         assert_eq!(first, vary(&latent, &spread, 1, 0.3, 1));
         assert_ne!(first, vary(&latent, &spread, 2, 0.3, 1));
         assert_ne!(first, vary(&latent, &spread, 1, 0.3, 2));
+        let others = vary(&vec![2.0; 20_000], &spread, 1, 0.3, 1);
+        assert!((others[0] - 2.0 - (first[0] - 1.0)).abs() > 1e-6, "another sentence, another noise");
         let differences: Vec<f64> = first.iter().map(|&value| f64::from(value) - 1.0).collect();
         let mean = differences.iter().sum::<f64>() / 20_000.0;
         let width = (differences.iter().map(|d| d * d).sum::<f64>() / 20_000.0).sqrt();

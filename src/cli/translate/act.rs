@@ -126,7 +126,7 @@ impl<'s, 'a> Actor<'s, 'a> {
             let recordings: Vec<_> = recordings.filter(|path| write::is_recording(path)).collect();
             let performance = stage.perform(&fine, &made.caption, recordings.first().map(|path| &**path))?;
             files.extend(recordings.iter().map(|path| path.display().to_string()));
-            performed = Some(performance.read_back(translator, &search)?);
+            performed = Some(performance.read_back(translator, &search));
         }
         let (travel_m, turn_deg) = way(motion);
         Ok(MotionRecord {
@@ -152,6 +152,11 @@ fn way(motion: &Motion) -> (f64, f64) {
 }
 
 impl ActedRecord {
+    /// Whether a rollout ended before its time.
+    pub fn has_failed(&self) -> bool {
+        self.motions.iter().filter_map(|motion| motion.performed.as_ref()).any(Performance::has_failed)
+    }
+
     /// For a person.
     pub fn text(&self) -> String {
         let mut text = String::new();

@@ -213,7 +213,7 @@ impl Session<'_> {
         let record = actor.finish(acted, targets).or_failed()?;
         write::records(targets, std::slice::from_ref(&record), None).or_failed()?;
         self.print(&record, ActedRecord::text)?;
-        Ok(Exit::Clean)
+        Ok(if record.has_failed() { Exit::Failed } else { Exit::Clean })
     }
 
     /// A file of sentences.
@@ -230,7 +230,7 @@ impl Session<'_> {
         for (number, text) in texts().enumerate() {
             let id = format!("{:05}", number + 1);
             let outcome = match actor.act(Some(id.clone()), text) {
-                Ok(acted) => Ok(actor.finish(acted, targets).or_failed()?),
+                Ok(acted) => actor.finish(acted, targets).map_err(|error| format!("{error:#}")),
                 Err(error) => Err(error.to_string()),
             };
             steps.step(&id, outcome.as_ref().err().map(String::as_str));
@@ -246,7 +246,8 @@ impl Session<'_> {
         }
         steps.finish();
         write::records(targets, &records, Some(&act::manifest(&records))).or_failed()?;
-        self.print_counts(records.len(), "sentences", skipped, targets)
+        let exit = self.print_counts(records.len(), "sentences", skipped, targets)?;
+        Ok(if records.iter().any(ActedRecord::has_failed) { Exit::Failed } else { exit })
     }
 
     /// Motions to be described.

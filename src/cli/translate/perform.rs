@@ -14,7 +14,7 @@ use crate::motion::Motion;
 use crate::plausibility::{Score, rollout_scores};
 use crate::recording::{Recorder, RecordingError, RecordingHeader, RecordingSummary};
 use crate::simulation::{ENGINE_VERSION, Event, Level, Observer, Outcome, RolloutSample, Simulation};
-use crate::translation::{Search, Sentence, TranslationError, Translator, performed_motion};
+use crate::translation::{Search, Sentence, Translator, performed_motion};
 
 /// A simulator that passed its self-test.
 pub(super) struct Stage {
@@ -36,7 +36,7 @@ pub(super) struct Performance {
     level: Level,
     /// How the rollout ended.
     outcome: Outcome,
-    /// What the movement of the humanoid says.
+    /// What the movement of the humanoid says; empty when it was too short to be read.
     read_back: Vec<Sentence>,
     /// Scores of the rollout by key.
     scores: BTreeMap<&'static str, f64>,
@@ -89,28 +89,31 @@ impl Stage {
             let result_json = serde_json::to_string_pretty(&values)?;
             recorder.finish(&rollout, &RecordingSummary { result_json: &result_json, scores: &scores })?;
         }
-        let motion = performed_motion(motion.body(), &rollout)?;
+        let motion = performed_motion(motion, &rollout)?;
         Ok(Performed { motion, outcome: rollout.outcome, scores })
     }
 }
 
 impl Performed {
     /// Reads the movement back.
-    pub fn read_back(
-        self,
-        translator: &Translator,
-        search: &Search,
-    ) -> Result<Performance, TranslationError> {
-        Ok(Performance {
+    pub fn read_back(self, translator: &Translator, search: &Search) -> Performance {
+        Performance {
             level: Level::L2,
             outcome: self.outcome,
-            read_back: translator.describe(&self.motion, search)?.sentences,
+            read_back: translator
+                .describe(&self.motion, search)
+                .map_or_else(|_| Vec::new(), |it| it.sentences),
             scores: self.scores.iter().map(|score| (score.metric.key, score.value)).collect(),
-        })
+        }
     }
 }
 
 impl Performance {
+    /// Whether the rollout ended before its time.
+    pub fn has_failed(&self) -> bool {
+        matches!(self.outcome, Outcome::Failed { .. })
+    }
+
     /// For a person.
     pub fn text(&self) -> String {
         let mut text = String::new();

@@ -87,6 +87,12 @@ pub(super) fn targets(args: &TranslateArgs) -> anyhow::Result<Vec<Target>> {
         if let Some(there) = files.iter().find(|file| file.exists() && !args.overwrite) {
             return Err(anyhow!("write {}: it is there already; --overwrite replaces it", there.display()));
         }
+        let is_second = |of: &dyn Fn(&Target) -> bool| of(&target) && targets.iter().any(of);
+        if is_second(&|target| matches!(target, Target::Folder(_)))
+            || is_second(&|target| matches!(target, Target::Motion(path) if is_recording(path)))
+        {
+            return refuse("one recording and one folder are written at most");
+        }
         targets.push(target);
     }
     Ok(targets)
