@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use rprae::features::{BOS, EOS, TokenRule};
+use rprae::manifest::hex;
 use rprae::model::{self, Bundle, MotionLength};
 use rprae::motion::{Body, Frame, Motion};
 use sha2::{Digest, Sha256};
@@ -50,7 +51,7 @@ fn its_files_are_those_of_the_checksums() {
     for line in sums.lines() {
         let (sum, name) = line.split_once("  ").unwrap();
         let bytes = std::fs::read(assets.join(name)).unwrap();
-        let found: String = Sha256::digest(&bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let found = hex(&Sha256::digest(&bytes));
         assert_eq!(found, sum, "{name}");
         num_bytes += bytes.len();
         listed.insert(name.to_owned());
