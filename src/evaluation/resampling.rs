@@ -90,7 +90,11 @@ impl Resampling {
 
     /// 95 % percentile interval of any score of a selection of segments; `None` below [`MIN_SEGMENTS`] segments.
     #[must_use]
-    pub fn interval_of(self, num_segments: usize, score: impl Fn(&[usize]) -> f64 + Sync) -> Option<Interval> {
+    pub fn interval_of(
+        self,
+        num_segments: usize,
+        score: impl Fn(&[usize]) -> f64 + Sync,
+    ) -> Option<Interval> {
         self.scores(num_segments, score).map(percentiles)
     }
 

@@ -25,14 +25,19 @@ pub fn most_frequent_caption(set: &PreparedSet) -> String {
 ///
 /// `poses` are those of every motion of the set, by place; only motions of the pairs are looked at.
 #[must_use]
-pub fn nearest_in_pose_space(set: &PreparedSet, poses: &BTreeMap<usize, Poses>, motions: &[usize]) -> Vec<String> {
+pub fn nearest_in_pose_space(
+    set: &PreparedSet,
+    poses: &BTreeMap<usize, Poses>,
+    motions: &[usize],
+) -> Vec<String> {
     let mut captions: BTreeMap<usize, usize> = BTreeMap::new();
     for pair in &set.paired {
         captions.entry(pair.motion).or_insert(pair.caption);
     }
     let describe = |motion: &usize| {
         let of = poses.get(motion)?;
-        let distance = |other: usize| poses.get(&other).map(|other| of.distance_over_course_m(other, MOMENTS));
+        let distance =
+            |other: usize| poses.get(&other).map(|other| of.distance_over_course_m(other, MOMENTS));
         let known = captions.iter().filter_map(|(&other, &caption)| Some((distance(other)?, caption)));
         let nearest = known.reduce(|best, other| if other.0 < best.0 { other } else { best });
         nearest.map(|(_, caption)| sentence(&set.vocabulary.words, &set.captions[caption].words))

@@ -59,9 +59,10 @@ pub fn draw(full: &PreparedSet, cell: &Cell, folds: usize) -> Result<PreparedSet
             let chosen: Vec<Pair> = set.paired.clone();
             let motions: Vec<usize> = chosen.iter().map(|pair| pair.motion).collect();
             let captions: Vec<usize> = chosen.iter().map(|pair| pair.caption).collect();
-            set.non_paired_motions = first(&set.non_paired_motions, &motions, amount.of(usize::MAX), |place| {
-                key(seed, "motion", &full.motions[place].id)
-            });
+            set.non_paired_motions =
+                first(&set.non_paired_motions, &motions, amount.of(usize::MAX), |place| {
+                    key(seed, "motion", &full.motions[place].id)
+                });
             set.non_paired_captions =
                 first(&set.non_paired_captions, &captions, amount.of(usize::MAX), |place| {
                     key(seed, "caption", &format!("{place} {}", full.captions[place].text))
@@ -81,12 +82,7 @@ fn pair_key(set: &PreparedSet, seed: u64, pair: Pair) -> String {
 }
 
 /// At most `amount` of some places: the chosen ones first, the others in random order; sorted at the end.
-fn first(
-    places: &[usize],
-    chosen: &[usize],
-    amount: usize,
-    order: impl Fn(usize) -> String,
-) -> Vec<usize> {
+fn first(places: &[usize], chosen: &[usize], amount: usize, order: impl Fn(usize) -> String) -> Vec<usize> {
     if amount >= places.len() {
         return places.to_vec();
     }
@@ -112,8 +108,7 @@ fn first(
 
 /// The set with one of some parts as its test split, the next as its validation split, and the rest to learn from.
 fn fold(full: &PreparedSet, fold: usize, folds: usize) -> Result<PreparedSet, DrawError> {
-    let pairs: Vec<Pair> =
-        full.paired.iter().chain(&full.validation).chain(&full.test).copied().collect();
+    let pairs: Vec<Pair> = full.paired.iter().chain(&full.validation).chain(&full.test).copied().collect();
     let with_captions: BTreeSet<usize> = pairs.iter().map(|pair| pair.motion).collect();
     if with_captions.len() < 2 * folds {
         return Err(DrawError::TooFewMotions { found: with_captions.len(), folds });
@@ -146,7 +141,8 @@ fn fold(full: &PreparedSet, fold: usize, folds: usize) -> Result<PreparedSet, Dr
     };
     (set.paired, set.validation, set.test) = (of(Split::Train), of(Split::Validation), of(Split::Test));
     let extra_motions = full.non_paired_motions.iter().filter(|place| !with_captions.contains(place));
-    set.non_paired_motions = set.paired.iter().map(|pair| pair.motion).chain(extra_motions.copied()).collect();
+    set.non_paired_motions =
+        set.paired.iter().map(|pair| pair.motion).chain(extra_motions.copied()).collect();
     let mut held_out: BTreeMap<&[u32], usize> = BTreeMap::new();
     for pair in set.validation.iter().chain(&set.test) {
         *held_out.entry(&full.captions[pair.caption].words).or_default() += 1;
@@ -173,8 +169,10 @@ fn fold(full: &PreparedSet, fold: usize, folds: usize) -> Result<PreparedSet, Dr
 
 /// Range of every channel over the motions to learn from.
 fn refit(full: &PreparedSet, splits: &[Split]) -> Normalizer {
-    let mut normalizer =
-        Normalizer { minimum: vec![f64::INFINITY; NUM_CHANNELS], maximum: vec![f64::NEG_INFINITY; NUM_CHANNELS] };
+    let mut normalizer = Normalizer {
+        minimum: vec![f64::INFINITY; NUM_CHANNELS],
+        maximum: vec![f64::NEG_INFINITY; NUM_CHANNELS],
+    };
     let learned = |(_, split): &(&MotionFeatures, &Split)| **split == Split::Train;
     for (motion, _) in full.motions.iter().zip(splits).filter(learned) {
         for frame in &motion.frames {
@@ -192,7 +190,7 @@ mod tests {
     use super::*;
     use crate::experiments::amounts::Amount;
     use crate::experiments::grid::Role;
-    use crate::features::{CaptionFeatures, Vocabulary};
+    use crate::features::{CaptionFeatures, Root, Vocabulary};
 
     /// Twelve motions with a caption each, two without, three captions without motions; the first repeats that of motion 0.
     fn full() -> PreparedSet {
@@ -220,6 +218,7 @@ mod tests {
             validation: pairs[10..11].to_vec(),
             test: pairs[11..].to_vec(),
             fingerprint: String::new(),
+            root: Root::default(),
         }
     }
 
@@ -251,9 +250,9 @@ mod tests {
     fn ranges_are_those_of_what_is_learned() {
         let set = draw(&full(), &cell(Amount::All, None, 1), 4).unwrap();
         let learned = set.motions.iter().filter(|motion| motion.split == Split::Train);
-        let ends = learned.flat_map(|motion| &motion.frames).fold((1.0_f32, -1.0_f32), |ends, frame| {
-            (ends.0.min(frame[7]), ends.1.max(frame[7]))
-        });
+        let ends = learned
+            .flat_map(|motion| &motion.frames)
+            .fold((1.0_f32, -1.0_f32), |ends, frame| (ends.0.min(frame[7]), ends.1.max(frame[7])));
         assert!((ends.0 + 0.9).abs() < 1e-6 && (ends.1 - 0.9).abs() < 1e-6, "{ends:?}");
         // What is held out has kept its place in metres and radians.
         let full = full();

@@ -66,7 +66,8 @@ impl<'a> Evaluator<'a> {
         if *normalizer == self.bundle.normalizer {
             return motions.to_vec();
         }
-        let frame = |frame: &[f32; NUM_CHANNELS]| self.bundle.normalizer.normalize(&normalizer.denormalize(frame));
+        let frame =
+            |frame: &[f32; NUM_CHANNELS]| self.bundle.normalizer.normalize(&normalizer.denormalize(frame));
         motions.iter().map(|motion| motion.iter().map(frame).collect()).collect()
     }
 
@@ -79,7 +80,8 @@ impl<'a> Evaluator<'a> {
         for motions in motions.chunks(BATCH) {
             let frames: Vec<&[[f32; NUM_CHANNELS]]> = motions.iter().map(Vec::as_slice).collect();
             let latent = self.bundle.encode_motions(&frames);
-            rows.extend(vectors(latent.dims()[1], latent.into_data().iter().collect()));
+            let values: Vec<f32> = latent.clone().into_data().iter().collect();
+            rows.extend(vectors(latent.dims()[1], &values));
         }
         Ok(Embeddings::new(&rows)?)
     }
@@ -89,7 +91,8 @@ impl<'a> Evaluator<'a> {
         let mut rows = Vec::new();
         for captions in captions.chunks(BATCH) {
             let latent = self.bundle.encode_captions(captions);
-            rows.extend(vectors(latent.dims()[1], latent.into_data().iter().collect()));
+            let values: Vec<f32> = latent.clone().into_data().iter().collect();
+            rows.extend(vectors(latent.dims()[1], &values));
         }
         Ok(Embeddings::new(&rows)?)
     }
@@ -114,6 +117,6 @@ pub(super) fn sentence(vocabulary: &[String], words: &[u32]) -> String {
     words.join(" ")
 }
 
-fn vectors(width: usize, values: Vec<f32>) -> Vec<Vec<f32>> {
+fn vectors(width: usize, values: &[f32]) -> Vec<Vec<f32>> {
     values.chunks_exact(width).map(<[f32]>::to_vec).collect()
 }

@@ -146,9 +146,7 @@ impl Grid {
         if self.vanilla == Schedule::TwoStage {
             return wrong("vanilla", "is two-stage, which has stage 1");
         }
-        if let Some(key) =
-            ["prepared", "seed"].into_iter().find(|key| self.run.contains_key(*key))
-        {
+        if let Some(key) = ["prepared", "seed"].into_iter().find(|key| self.run.contains_key(*key)) {
             return wrong("run", &format!("sets {key}, which the grid itself decides"));
         }
         for cell in self.cells() {
@@ -276,7 +274,8 @@ pub(super) mod tests {
 
     #[test]
     fn runs_get_what_the_grid_says() {
-        let grid = grid("[run]\npreset = \"compact\"\n[run.model]\nlatent = 33\n[run.training]\nbatch_size = 7\n");
+        let grid =
+            grid("[run]\npreset = \"compact\"\n[run.model]\nlatent = 33\n[run.training]\nbatch_size = 7\n");
         let [first, .., last] = grid.cells()[..] else { panic!("several cells") };
         let settings = grid.settings(&first).unwrap();
         assert_eq!((settings.model.latent, settings.training.batch_size, settings.seed), (33, 7, 1));

@@ -131,7 +131,8 @@ pub fn score(
     let asked: BTreeSet<usize> = pairs.iter().map(|pair| pair.motion).collect();
     let asked: Vec<usize> = asked.into_iter().collect();
     let described = describe_all(bundle, set, &asked, &poses);
-    let captions: Vec<&[u32]> = pairs.iter().map(|pair| set.captions[pair.caption].words.as_slice()).collect();
+    let captions: Vec<&[u32]> =
+        pairs.iter().map(|pair| set.captions[pair.caption].words.as_slice()).collect();
     let made = perform(bundle, set, &captions);
 
     let in_judge = judge.renormalized(&made, &set.normalizer);
@@ -164,7 +165,11 @@ pub fn score(
         &format!("poses-at-{MOMENTS}-moments"),
         num,
         is_other_motion,
-        |a, b| poses.get(&pairs[b].motion).map_or(f64::NAN, |other| made_poses[a].distance_over_course_m(other, MOMENTS)),
+        |a, b| {
+            poses
+                .get(&pairs[b].motion)
+                .map_or(f64::NAN, |other| made_poses[a].distance_over_course_m(other, MOMENTS))
+        },
     );
     let retrievals = vec![
         retrieval(("caption", "generated-motion"), &of_captions, &of_made, false),
@@ -263,8 +268,12 @@ fn describe_all(
     let captions = describe(bundle, &frames);
     let nearest = nearest_in_pose_space(set, poses, motions);
     let rows = motions.iter().zip(captions.into_iter().zip(nearest));
-    rows.map(|(&motion, (caption, nearest))| Described { id: set.motions[motion].id.clone(), caption, nearest })
-        .collect()
+    rows.map(|(&motion, (caption, nearest))| Described {
+        id: set.motions[motion].id.clone(),
+        caption,
+        nearest,
+    })
+    .collect()
 }
 
 /// Motions of captions, normalised by the set.

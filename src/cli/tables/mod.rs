@@ -7,9 +7,13 @@ use std::path::PathBuf;
 use clap::Args;
 
 use self::display::Display;
+use super::evaluate::open_token_encoder;
 use super::exit::{Exit, Failure, OrExit};
 use super::output;
+use super::progress::Steps;
 use super::train::Device;
+use crate::evaluation::encoder::{Encoder, Pooling};
+use crate::evaluation::{Panel, SentenceEncoder, TokenEncoder};
 use crate::experiments::{self, Cell, CellError, Grid};
 use crate::features::PreparedSet;
 use crate::manifest::write_file;
@@ -33,6 +37,9 @@ pub(super) struct TablesArgs {
     /// What computes [default: auto]
     #[arg(long, value_enum)]
     pub device: Option<Device>,
+    /// Print what people wrote of the motions of Fig. 5-1 too; no file gets it
+    #[arg(long)]
+    pub references: bool,
     /// Print nothing but tables and errors
     #[arg(long, short)]
     pub quiet: bool,
@@ -67,6 +74,9 @@ pub(super) fn run(args: &TablesArgs) -> Result<Exit, Failure> {
         .or_failed()?;
         return Ok(Exit::Clean);
     }
+    if args.shard.is_none() {
+        report(args, &grid, &set, &selected)?;
+    }
     Ok(Exit::Clean)
 }
 
@@ -91,8 +101,13 @@ fn begin(args: &TablesArgs, grid: &Grid) -> Result<(), Failure> {
 
 fn train(args: &TablesArgs, grid: &Grid, set: &PreparedSet, selected: &Selected) -> Result<(), Failure> {
     let (part, of) = args.shard.unwrap_or((1, 1));
-    let cells: Vec<Cell> =
-        grid.cells().into_iter().enumerate().filter(|(place, _)| place % of == part - 1).map(|(_, cell)| cell).collect();
+    let cells: Vec<Cell> = grid
+        .cells()
+        .into_iter()
+        .enumerate()
+        .filter(|(place, _)| place % of == part - 1)
+        .map(|(_, cell)| cell)
+        .collect();
     let waiting: Vec<Cell> =
         cells.iter().copied().filter(|cell| !experiments::is_trained(&args.out, cell)).collect();
     let mut display = Display::new(args.quiet, cells.len(), waiting.len());
@@ -106,6 +121,54 @@ fn train(args: &TablesArgs, grid: &Grid, set: &PreparedSet, selected: &Selected)
         display.end(&cell);
     }
     display.finish();
+    Ok(())
+}
+
+/// Scores all models, writes everything, prints the tables.
+fn report(args: &TablesArgs, grid: &Grid, set: &PreparedSet, selected: &Selected) -> Result<(), Failure> {
+    let token_encoder = match &grid.encoder {
+        Some(folder) => Some(open_token_encoder(folder, None, None).or_usage()?),
+        None => None,
+    };
+    let sentence_encoder = match &grid.sentence_encoder {
+        Some(folder) => Some(Encoder::open(folder, None).or_usage()?),
+        None => None,
+    };
+    let panel = Panel {
+        token_encoder: token_encoder.as_ref().map(|(encoder, baseline)| TokenEncoder {
+            encoder,
+            prefix_space: true,
+            baseline: baseline.clone(),
+        }),
+        sentence_encoder: sentence_encoder.as_ref().map(|encoder| SentenceEncoder {
+            encoder,
+            pooling: if encoder.has_pooler() { Pooling::Pooler } else { Pooling::Mean },
+        }),
+    };
+    let humanoid = experiments::humanoid().or_failed()?;
+    let here = (grid, set, args.out.as_path());
+    let steps = Steps::new(args.quiet, grid.cells().len());
+    let rows =
+        experiments::collect(here, selected, &humanoid, &panel, &mut |cell| steps.step(&cell.name(), None))
+            .or_failed()?;
+    steps.finish();
+    let write = |name: &str, text: &str| write_file(&args.out.join(name), text.as_bytes());
+    for (name, svg) in experiments::pictures(here, &rows, selected, &humanoid).or_failed()? {
+        write(name, &svg).or_failed()?;
+    }
+    write("samples.jsonl", &experiments::samples(grid, &rows).or_failed()?).or_failed()?;
+    write("captions.md", &experiments::captions(grid, set, &rows, false)).or_failed()?;
+    let tables = experiments::tables(grid, &rows);
+    write("tables.md", &tables).or_failed()?;
+    let record = experiments::record(grid, set, &selected.name, &rows);
+    write("scores.json", &serde_json::to_string_pretty(&record).or_failed()?).or_failed()?;
+    output::print(&tables).or_failed()?;
+    if args.references {
+        output::print(&experiments::captions(grid, set, &rows, true)).or_failed()?;
+    }
+    for absent in panel.absent() {
+        eprintln!("not scored: {}; set encoder or sentence_encoder in the grid", absent.keys);
+    }
     Ok(())
 }
 

@@ -37,8 +37,11 @@ pub fn diversity(motions: &Embeddings, of: &str, evaluator: &str) -> Option<SetS
 /// Guo et al. draw 10 pairs of 30 motions; this is what those draws approach.
 #[must_use]
 pub fn multimodality(per_caption: &[Embeddings], evaluator: &str) -> Option<SetScore> {
-    let spreads: Vec<f64> =
-        per_caption.iter().filter_map(|motions| diversity(motions, "", "")).map(|score| score.value).collect();
+    let spreads: Vec<f64> = per_caption
+        .iter()
+        .filter_map(|motions| diversity(motions, "", ""))
+        .map(|score| score.value)
+        .collect();
     let num = spreads.len();
     if num == 0 {
         return None;

@@ -116,8 +116,9 @@ impl Embeddings {
         let mean: Vec<f64> = (0..self.dimensions)
             .map(|place| (0..self.len()).map(|index| self.row(index)[place]).sum::<f64>() / num)
             .collect();
-        let centred =
-            DMatrix::from_fn(self.len(), self.dimensions, |index, place| self.row(index)[place] - mean[place]);
+        let centred = DMatrix::from_fn(self.len(), self.dimensions, |index, place| {
+            self.row(index)[place] - mean[place]
+        });
         (mean, centred)
     }
 }

@@ -125,8 +125,11 @@ mod tests {
     #[test]
     fn two_gaussians_have_their_closed_form() {
         // With diagonal covariances: |m1 - m2|^2 + sum (s1 - s2)^2 = 9 + 16 + 1 + 4.
-        let distance =
-            frechet_distance(&exact([0.0, 0.0], [1.0, 5.0]), &exact([3.0, 4.0], [2.0, 3.0]), Covariance::Sample);
+        let distance = frechet_distance(
+            &exact([0.0, 0.0], [1.0, 5.0]),
+            &exact([3.0, 4.0], [2.0, 3.0]),
+            Covariance::Sample,
+        );
         assert!((distance - 30.0).abs() < 1e-4, "{distance}");
     }
 

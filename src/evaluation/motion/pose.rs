@@ -148,8 +148,7 @@ impl PoseComparison {
                 best = (shift, mean);
             }
         }
-        let warped =
-            mean_along_path(ours, theirs, |row, column| generated.distance_m(row, recorded, column));
+        let warped = mean_along_path(ours, theirs, |row, column| generated.distance_m(row, recorded, column));
         Self {
             pose_mm: MM_PER_M * mean_at(0),
             warped_mm: MM_PER_M * warped,

@@ -183,9 +183,13 @@ mod tests {
     fn guessing_reaches_the_chance_level() {
         let mut random = SplitMix64(7);
         let distances: Vec<f64> = (0..400 * 400).map(|_| random.share()).collect();
-        let guess = Retrieval::new(("caption", "motion"), "e", 400, |_, _| true, |query, candidate| {
-            distances[query * 400 + candidate]
-        });
+        let guess = Retrieval::new(
+            ("caption", "motion"),
+            "e",
+            400,
+            |_, _| true,
+            |query, candidate| distances[query * 400 + candidate],
+        );
         for (top, key) in [(1, "r-precision-1"), (3, "r-precision-3")] {
             let level = guess.chance_level(top);
             assert!((value(&guess, key) - level).abs() < 0.02, "{key} {}", value(&guess, key));

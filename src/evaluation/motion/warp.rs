@@ -22,7 +22,8 @@ pub(super) fn mean_along_path(rows: usize, columns: usize, cost: impl Fn(usize, 
         for column in 0..columns {
             let diagonal = column.checked_sub(1).and_then(|before| above.get(before));
             let before = [diagonal, above.get(column), here.last()].into_iter().flatten();
-            let best = before.copied().reduce(|best, other| if other.cost < best.cost { other } else { best });
+            let best =
+                before.copied().reduce(|best, other| if other.cost < best.cost { other } else { best });
             let best = best.unwrap_or(Path { cost: 0.0, cells: 0 });
             here.push(Path { cost: best.cost + cost(row, column), cells: best.cells + 1 });
         }
@@ -53,7 +54,8 @@ mod tests {
 
     #[test]
     fn a_late_sine_is_aligned() {
-        let sine = |late: f64| -> Vec<f64> { (0..200).map(|step| (0.1 * f64::from(step) - late).sin()).collect() };
+        let sine =
+            |late: f64| -> Vec<f64> { (0..200).map(|step| (0.1 * f64::from(step) - late).sin()).collect() };
         let (now, late) = (sine(0.0), sine(1.0));
         let plain = now.iter().zip(&late).map(|(a, b)| (a - b).abs()).sum::<f64>() / 200.0;
         assert!(aligned(&now, &late) < 0.15 * plain, "{} of {plain}", aligned(&now, &late));
