@@ -114,11 +114,11 @@ pub fn collect(
             seeds: Vec::new(),
         })
         .collect();
-    let folds = grid.folds.max(1);
-    let share = 1.0 / (folds * grid.seeds.len()) as f64;
+    let folds = grid.parts();
+    let share = 1.0 / (folds.len() * grid.seeds.len()) as f64;
     for &seed in &grid.seeds {
         let mut parts: Vec<Vec<Outcome>> = vec![Vec::new(); kinds.len()];
-        for fold in 0..folds {
+        for &fold in &folds {
             let reference = Cell { paired: Amount::All, role: Role::Vanilla, non_paired: None, seed, fold };
             let (reference, _) = load_cell(grid, &reference, full, out, selected)?;
             let judge = Evaluator { name: "rae-reference".to_owned(), bundle: &reference };

@@ -34,6 +34,9 @@ pub struct Grid {
     /// Of k parts one is scored, the next one watched while training, and the rest learned from.
     #[serde(default)]
     pub folds: usize,
+    /// The parts that are scored, counted from 0, where there is no time for all. Default: all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub parts: Option<Vec<usize>>,
     /// Draws for intervals. Default 1000.
     #[serde(default = "thousand")]
     pub resamples: usize,
@@ -140,6 +143,10 @@ impl Grid {
         if self.folds == 1 || self.folds == 2 || self.folds > 100 {
             return wrong("folds", "is 0 for the split of the set, or 3 to 100");
         }
+        let parts = self.parts();
+        if parts.is_empty() || parts.iter().any(|&part| part >= self.folds.max(1)) {
+            return wrong("parts", "names none, or one that is not below folds");
+        }
         if !(100..=1_000_000).contains(&self.resamples) {
             return wrong("resamples", "is outside 100 to 1000000");
         }
@@ -165,6 +172,15 @@ impl Grid {
         self.sweep_paired.or(largest).unwrap_or(Amount::All)
     }
 
+    /// The parts that are scored, in rising order.
+    #[must_use]
+    pub fn parts(&self) -> Vec<usize> {
+        let mut parts = self.parts.clone().unwrap_or_else(|| (0..self.folds.max(1)).collect());
+        parts.sort_unstable();
+        parts.dedup();
+        parts
+    }
+
     /// All models, the reference first, each once.
     #[must_use]
     pub fn cells(&self) -> Vec<Cell> {
@@ -185,7 +201,7 @@ impl Grid {
         let mut cells = Vec::new();
         // Seed by seed and fold by fold, so that what is there early is a whole small grid.
         for &seed in &self.seeds {
-            for fold in 0..self.folds.max(1) {
+            for fold in self.parts() {
                 for &(paired, role, non_paired) in &kinds {
                     let cell = Cell { paired, role, non_paired, seed, fold };
                     if !cells.contains(&cell) {
@@ -270,6 +286,9 @@ pub(super) mod tests {
         assert_eq!(names[3], "paired-250_nonpaired-all_seed-1_fold-0");
         assert_eq!(names[5], "paired-250_nonpaired-3000_seed-1_fold-0");
         grid.check().unwrap();
+        let some = Grid { parts: Some(vec![2, 0]), ..grid };
+        let folds: Vec<usize> = some.cells().iter().map(|cell| cell.fold).collect();
+        assert_eq!((folds.len(), folds[0], folds[7]), (7 * 2 * 2, 0, 2));
     }
 
     #[test]
@@ -290,6 +309,7 @@ pub(super) mod tests {
         assert!(refused("[run]\nlatend = 3\n").contains("latend"));
         assert!(refused("[run]\nseed = 3\n").contains("seed"));
         assert!(refused("folds = 1\n").contains("folds"));
+        assert!(refused("folds = 3\nparts = [3]\n").contains("parts"));
         assert!(toml::from_str::<Grid>("prepared = \"set\"\nseeds = [1]\npaired = []\nfold = 3").is_err());
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("grid.toml");

@@ -39,7 +39,7 @@ pub fn pictures(
         role: row.role,
         non_paired: row.non_paired,
         seed: grid.seeds[0],
-        fold: 0,
+        fold: grid.parts()[0],
     };
     // Latents of the model itself, not of the one that judges.
     let (bundle, set) = load_cell(grid, &cell(with), full, out, selected)?;

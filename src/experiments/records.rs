@@ -137,7 +137,7 @@ pub fn samples(grid: &Grid, rows: &[Row]) -> Result<String, serde_json::Error> {
     let mut text = String::new();
     for row in rows {
         for (seed, scores) in grid.seeds.iter().zip(&row.seeds) {
-            for (fold, part) in scores.parts.iter().enumerate() {
+            for (fold, part) in grid.parts().into_iter().zip(&scores.parts) {
                 let cell = Cell {
                     paired: row.paired,
                     role: row.role,
