@@ -71,8 +71,12 @@ impl Writer<'_> {
         let how = if grid.folds == 0 {
             "the test split of the prepared set".to_owned()
         } else {
+            let parts = match grid.parts().len() {
+                num if num == grid.folds => String::new(),
+                num => format!(", {num} of the parts"),
+            };
             format!(
-                "{}-fold cross-validation: each motion is scored by the models that never saw it",
+                "{}-fold cross-validation{parts}: each motion is scored by the models that never saw it",
                 grid.folds
             )
         };

@@ -1,10 +1,8 @@
 //! Progress of a grid on standard error: a bar where a person watches, plain lines where not.
 
-use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
-
+use crate::cli::progress::Screen;
 use crate::experiments::Cell;
 use crate::training::Event;
 
@@ -12,9 +10,7 @@ use crate::training::Event;
 const PLAIN_EVERY: Duration = Duration::from_secs(30);
 
 pub(super) struct Display {
-    quiet: bool,
-    /// `None` where nobody watches.
-    bar: Option<ProgressBar>,
+    screen: Screen,
     num_cells: usize,
     /// Models trained before this run.
     before: usize,
@@ -28,19 +24,10 @@ pub(super) struct Display {
 
 impl Display {
     pub(super) fn new(quiet: bool, num_cells: usize, waiting: usize) -> Self {
-        let watched = !quiet && std::io::stderr().is_terminal();
-        let bar = watched.then(|| {
-            let bar = ProgressBar::no_length();
-            match ProgressStyle::with_template("{bar:24} {pos}/{len}  {elapsed} so far  {wide_msg}") {
-                Ok(style) => bar.with_style(style),
-                // The template is fixed and valid; without it the bar would only look different.
-                Err(_) => bar,
-            }
-        });
+        let screen = Screen::new(quiet);
         let now = Instant::now();
         let before = num_cells - waiting;
-        let display =
-            Self { quiet, bar, num_cells, before, done: 0, started: now, told: now, progress: (1, 0) };
+        let display = Self { screen, num_cells, before, done: 0, started: now, told: now, progress: (1, 0) };
         display.line(&format!("{num_cells} models, {before} of them trained already"));
         display
     }
@@ -54,7 +41,7 @@ impl Display {
         match event {
             Event::Started { plan, done } => {
                 self.progress = (plan.total().max(1), *done);
-                if let Some(bar) = &self.bar {
+                if let Some(bar) = &self.screen.bar {
                     bar.set_length(plan.total() as u64);
                 }
             }
@@ -62,7 +49,7 @@ impl Display {
             Event::Validated(_) | Event::StoppedEarly { .. } => {}
         }
         let left = self.left();
-        if let Some(bar) = &self.bar {
+        if let Some(bar) = &self.screen.bar {
             bar.set_position(self.progress.1 as u64);
             bar.set_message(left);
         } else if self.told.elapsed() >= PLAIN_EVERY {
@@ -88,17 +75,11 @@ impl Display {
 
     /// Prints a line, above the bar if there is one.
     pub(super) fn line(&self, text: &str) {
-        match &self.bar {
-            Some(bar) => bar.println(text),
-            None if self.quiet => {}
-            None => eprintln!("{text}"),
-        }
+        self.screen.line(text);
     }
 
     /// Clears the bar.
     pub(super) fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.screen.finish();
     }
 }
