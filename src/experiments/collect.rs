@@ -142,7 +142,7 @@ pub fn collect(
 }
 
 /// The scores of all parts of a seed together.
-fn join(parts: Vec<Outcome>, panel: &Panel<'_>) -> Result<SeedScores, CollectError> {
+pub(super) fn join(parts: Vec<Outcome>, panel: &Panel<'_>) -> Result<SeedScores, CollectError> {
     let texts = |pick: fn(&Outcome) -> &Corpus| -> Result<Vec<Measurement>, CollectError> {
         let segments = parts.iter().flat_map(|part| pick(part).segments().iter().cloned()).collect();
         Ok(panel.measure(&Corpus::new(segments)?)?)

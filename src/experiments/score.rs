@@ -290,3 +290,59 @@ fn perform(bundle: &Bundle, set: &PreparedSet, captions: &[&[u32]]) -> Vec<Vec<[
     }
     made
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use burn::tensor::Device;
+
+    use super::*;
+    use crate::experiments::poses::humanoid;
+    use crate::model::Rprae;
+    use crate::model::tests::tiny;
+    use crate::training::tests::four_pairs;
+
+    /// An untrained model on four pairs.
+    pub(in crate::experiments) fn outcome() -> Outcome {
+        let set = four_pairs();
+        let bundle = Bundle::new(&Rprae::new(&tiny(), &set.vocabulary, 1, &Device::flex()), &tiny(), &set);
+        score(&bundle, &Evaluator::new(&bundle), &set, &set.paired, &humanoid().unwrap()).unwrap()
+    }
+
+    #[test]
+    fn every_pair_is_scored_in_both_directions() {
+        let found = outcome();
+        assert_eq!((found.described.len(), found.performed.len(), found.read_back.len()), (4, 4, 4));
+        // What was learned from is its own nearest neighbour in pose space.
+        let set = four_pairs();
+        for (place, one) in found.described.iter().enumerate() {
+            let words = &set.captions[place].words;
+            assert_eq!(one.nearest.split(' ').count(), words.len() - 2, "{one:?}");
+        }
+        for (one, motion) in found.performed.iter().zip(&found.motions) {
+            assert_eq!(one.frames, motion.len());
+            assert!(
+                one.pose.pose_mm.is_finite() && one.rank.wrong == 3 && one.pose_rank.wrong == 3,
+                "{one:?}"
+            );
+        }
+        assert_eq!(found.sets.len(), 3);
+        assert!(found.evaluator.starts_with("rae-") && found.evaluator.len() == 16);
+        assert_eq!(outcome().evaluator, found.evaluator, "equal weights have equal names");
+    }
+
+    #[test]
+    fn models_of_other_words_are_refused() {
+        let set = four_pairs();
+        let bundle = |set: &PreparedSet| {
+            Bundle::new(&Rprae::new(&tiny(), &set.vocabulary, 1, &Device::flex()), &tiny(), set)
+        };
+        let mut other = set.clone();
+        other.vocabulary.words[2] = "else".to_owned();
+        let (ours, theirs) = (bundle(&set), bundle(&other));
+        let humanoid = humanoid().unwrap();
+        let error = score(&ours, &Evaluator::new(&theirs), &set, &set.paired, &humanoid).unwrap_err();
+        assert!(matches!(error, ScoreError::Evaluator(EvaluatorError::OtherWords)), "{error}");
+        let error = score(&ours, &Evaluator::new(&ours), &other, &set.paired, &humanoid).unwrap_err();
+        assert!(matches!(error, ScoreError::OtherWords), "{error}");
+    }
+}

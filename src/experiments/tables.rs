@@ -300,3 +300,41 @@ fn paper_tables(text: &mut String) {
          in order."
     );
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::evaluation::Panel;
+    use crate::experiments::collect::join;
+    use crate::experiments::score::tests::outcome;
+
+    #[test]
+    fn all_tables_stand_beside_the_papers() {
+        let grid: Grid =
+            toml::from_str("prepared = \"set\"\nseeds = [1]\npaired = [2, \"all\"]\nnon_paired = [3]\n")
+                .unwrap();
+        let row = |paired, role, non_paired| Row {
+            paired,
+            role,
+            non_paired,
+            num_pairs: 4.0,
+            num_non_paired: [4.0, 4.0],
+            seeds: vec![join(vec![outcome()], &Panel::default()).unwrap()],
+        };
+        let rows = [
+            row(Amount::All, Role::Vanilla, None),
+            row(Amount::Some(2), Role::Vanilla, None),
+            row(Amount::Some(2), Role::Proposed, Some(Amount::All)),
+            row(Amount::Some(2), Role::Proposed, Some(Amount::Some(3))),
+        ];
+        let text = tables(&grid, &rows);
+        for number in 2..=7 {
+            assert!(text.contains(&format!("## Table {number}: ")), "{number}");
+        }
+        assert!(text.contains("| all (4) | 0 |") && text.contains("| 2 | all (4 captions, 4 motions) |"));
+        assert!(text.contains("| 4368 | 0 | 0.269 |"), "the paper's first row");
+        // Equal models differ by nothing, and four motions are too few for an interval.
+        assert!(text.contains("| +0.000 "), "{text}");
+        assert!(!text.contains("NaN"), "{text}");
+    }
+}

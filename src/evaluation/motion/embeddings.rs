@@ -104,12 +104,6 @@ impl Embeddings {
         Self { dimensions: self.dimensions, values }
     }
 
-    /// All vectors but one.
-    pub(super) fn without(&self, left_out: usize) -> Self {
-        let rest: Vec<usize> = (0..self.len()).filter(|&index| index != left_out).collect();
-        self.select(&rest)
-    }
-
     /// Mean, and the vectors around it, `[item, dimension]`.
     pub(super) fn centred(&self) -> (Vec<f64>, DMatrix<f64>) {
         let num = self.len() as f64;

@@ -14,7 +14,7 @@ pub struct SetScore {
     pub key: &'static str,
     /// The score.
     pub value: f64,
-    /// 95 % interval of the delete-one jackknife, value +- 1.96 standard errors; `None` below five samples.
+    /// 95 % interval of the jackknife, value +- 1.96 standard errors; `None` below five samples.
     ///
     /// The bootstrap would draw some samples twice, which makes a set look narrower than it is.
     pub interval: Option<Interval>,
@@ -23,7 +23,7 @@ pub struct SetScore {
 }
 
 impl SetScore {
-    /// A score of `num` samples; `without(i)` is the score of all but one of them.
+    /// A score of `num` samples, or groups of them; `without(i)` is the score of all but one.
     pub(super) fn of(
         key: &'static str,
         signature: Signature,
