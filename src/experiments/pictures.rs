@@ -107,21 +107,21 @@ pub fn captions(grid: &Grid, set: &PreparedSet, rows: &[Row], references: bool) 
     let [with, without] = shown(rows, grid.sweep());
     let parts = [&with.seeds[0].parts[0], &without.seeds[0].parts[0]];
     let mut text = format!(
-        "# Captions of held-out motions\n\n{} pairs, seed {}, first part.\n\n| motion | with stage 1 | without | nearest in \
-         pose space |{}\n|---|---|---|---|{}\n",
+        "# Captions of held-out motions\n\n{} pairs, seed {}, first part.\n\n| motion | with stage 1 | without |{}\n\
+         |---|---|---|{}\n",
         with.paired,
         grid.seeds[0],
-        if references { " people |" } else { "" },
-        if references { "---|" } else { "" }
+        if references { " nearest in pose space | people |" } else { "" },
+        if references { "---|---|" } else { "" }
     );
     for (ours, other) in parts[0].described.iter().zip(&parts[1].described) {
-        let _ = write!(text, "| {} | {} | {} | {} |", ours.id, ours.caption, other.caption, ours.nearest);
+        let _ = write!(text, "| {} | {} | {} |", ours.id, ours.caption, other.caption);
         if references {
             let motion = set.motions.iter().position(|motion| motion.id == ours.id);
             let said =
                 set.captions.iter().filter(|caption| caption.motion.is_some() && caption.motion == motion);
             let said: Vec<&str> = said.map(|caption| caption.text.as_str()).collect();
-            let _ = write!(text, " {} |", said.join(" / "));
+            let _ = write!(text, " {} | {} |", ours.nearest, said.join(" / "));
         }
         text.push('\n');
     }

@@ -47,7 +47,8 @@ pub struct Described {
     pub id: String,
     /// What the model wrote.
     pub caption: String,
-    /// The caption of the nearest training motion in pose space.
+    /// The caption of the nearest training motion in pose space; people wrote it, so no file gets it.
+    #[serde(skip)]
     pub nearest: String,
 }
 

@@ -14,7 +14,7 @@ use crate::report::Interval;
 const TEXT_SCORES: [(&str, &str, Option<usize>); 7] = [
     ("bleu-4", "BLEU-4", Some(0)),
     ("rouge-l", "ROUGE-L", None),
-    ("cider", "CIDEr", None),
+    ("cider-d", "CIDEr-D", None),
     ("bertscore-p", "BERTScore P", Some(1)),
     ("bertscore-r", "R", Some(2)),
     ("bertscore-f", "F", Some(3)),
@@ -141,7 +141,7 @@ impl Writer<'_> {
             text,
             "\n## What stage 1 gives: with minus without, at equal pairs\n\n`*`: the interval excludes 0. Intervals are over \
              motions and captions that both share; seeds are paired.\n\n\
-             | pairs | non-paired | captions BLEU-4 | ROUGE-L | CIDEr | read back BLEU-4 | ROUGE-L | CIDEr |\n\
+             | pairs | non-paired | captions BLEU-4 | ROUGE-L | CIDEr-D | read back BLEU-4 | ROUGE-L | CIDEr-D |\n\
              |---|---|---|---|---|---|---|---|"
         );
         for row in self.rows.iter().filter(|row| row.role == Role::Proposed) {
@@ -150,7 +150,7 @@ impl Writer<'_> {
             let Some(without) = without else { continue };
             let mut cells = Vec::new();
             for pick in [(|seed| &seed.captions) as Pick, |seed| &seed.read_back] {
-                for key in ["bleu-4", "rouge-l", "cider"] {
+                for key in ["bleu-4", "rouge-l", "cider-d"] {
                     cells.push(self.differ((row, pick), (without, pick), key));
                 }
             }
@@ -174,12 +174,12 @@ impl Writer<'_> {
             text,
             "\n## Against captions without a model\n\nThe most frequent caption of the pairs learned from, and the caption of \
              the nearest of their motions in pose space.\n`*`: the interval of the difference excludes 0.\n\n\
-             | pairs | non-paired | BLEU-4 | most frequent | difference | nearest | difference | CIDEr | most frequent | \
+             | pairs | non-paired | BLEU-4 | most frequent | difference | nearest | difference | CIDEr-D | most frequent | \
              difference | nearest | difference |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
         );
         for row in self.rows {
             let mut cells = Vec::new();
-            for key in ["bleu-4", "cider"] {
+            for key in ["bleu-4", "cider-d"] {
                 let value = |pick: Pick| {
                     self.estimate(row, pick, key)
                         .map_or_else(|| "-".to_owned(), |found| format!("{:.3}", found.value))

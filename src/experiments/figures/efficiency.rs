@@ -13,7 +13,7 @@ pub fn efficiency(rows: &[Row], resampling: Resampling) -> Chart {
     type Pick = fn(&SeedScores) -> &[Measurement];
     let panels: [(&str, &str, Pick); 4] = [
         ("captions, BLEU-4", "bleu-4", |seed| &seed.captions),
-        ("captions, CIDEr", "cider", |seed| &seed.captions),
+        ("captions, CIDEr-D", "cider-d", |seed| &seed.captions),
         ("read back, BLEU-4", "bleu-4", |seed| &seed.read_back),
         ("motions warped, mm", "dtw-error", |seed| &seed.motions),
     ];
