@@ -111,7 +111,7 @@ pub fn train_cell(
         Line::Validation(found) if found.iteration == trained.iteration => Some(found),
         _ => None,
     });
-    let card = training::card(&settings, &set, &facts, &trained, best.as_ref());
+    let card = training::card(&settings, &set, &facts, &trained, best.as_ref(), "");
     Bundle::new(&trained.model, &settings.model, &set).save(&path.join(BUNDLE), &card)?;
     // What it could go on from is of no use any more, and larger than the model.
     fs::remove_dir_all(path.join(CHECKPOINTS))?;
