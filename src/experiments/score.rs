@@ -113,7 +113,7 @@ impl Outcome {
 
 /// Scores a model on some pairs of a set; `judge` embeds and reads back what it makes.
 ///
-/// Motions begin at the model's start frame and are as long as it predicts: nothing of the reference is given.
+/// Motions begin where the model lets them begin and are as long as it predicts: nothing of the reference is given.
 ///
 /// # Errors
 /// [`ScoreError`] says what does not fit.
