@@ -35,7 +35,8 @@
 //! [`lint`] checks motions without moving them, and [`features`] prepares them for learning.
 //! [`canaries`] proves that the scores see faults.
 //! [`model`] and [`training`] make a bundle, and [`translation`] takes it from sentences to motions and back.
-//! [`evaluation`] scores sentences against reference sentences.
+//! [`evaluation`] scores sentences against reference sentences, and motions made from captions.
+//! [`experiments`] trains and scores the models of the paper's tables.
 //! [`harness`] runs whole suites, [`manifest`] says what was run, and [`cli`] is what the programs are made of.
 //!
 //! # Example
@@ -64,6 +65,7 @@ pub mod cli;
 pub mod dataset;
 pub mod dynamics;
 pub mod evaluation;
+pub mod experiments;
 pub mod features;
 pub mod harness;
 pub mod humanoid;

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Top-level modules by rank; a module imports lower ranks only, never its own rank or above.
-const RANKS: [&[&str]; 14] = [
+const RANKS: [&[&str]; 15] = [
     &["motion", "manifest", "mocap"],
     &["kinematics"],
     &["robot"],
@@ -21,6 +21,7 @@ const RANKS: [&[&str]; 14] = [
     &["canaries", "translation", "recording", "report"],
     &["evaluation"],
     &["harness"],
+    &["experiments"],
     &["cli"],
     &["bin"],
 ];

@@ -22,6 +22,7 @@ mod resolve;
 mod retarget;
 mod sim;
 mod summary;
+mod tables;
 mod train;
 mod translate;
 mod urdf;
@@ -68,6 +69,8 @@ enum Verb {
     Train(Box<train::TrainArgs>),
     /// Turn sentences into motions and motions into sentences
     Translate(Box<translate::TranslateArgs>),
+    /// Train and score a grid of models, and print the tables of the paper beside its numbers
+    Tables(Box<tables::TablesArgs>),
     /// Turn motions, captions and word vectors into the folder that training reads
     Prepare(Box<prepare::PrepareArgs>),
     /// Check motions in milliseconds: units, axes, limits, jumps, sides, floor
@@ -111,6 +114,7 @@ pub fn rprae() -> ExitCode {
         Verb::Sim(args) => sim::run(&args),
         Verb::Train(args) => train::run(&args),
         Verb::Translate(args) => translate::run(&args),
+        Verb::Tables(args) => tables::run(&args),
         Verb::Doctor(args) => doctor::run(&args),
         Verb::Prepare(args) => prepare::run(&args),
         Verb::Lint(args) => lint::run(&args),

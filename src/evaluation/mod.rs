@@ -31,6 +31,7 @@ mod cider;
 mod corpus;
 pub mod encoder;
 mod measurement;
+pub mod motion;
 mod ngrams;
 mod panel;
 mod resampling;

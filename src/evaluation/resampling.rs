@@ -88,6 +88,16 @@ impl Resampling {
         Some(percentiles(scores))
     }
 
+    /// 95 % percentile interval of any score of a selection of segments; `None` below [`MIN_SEGMENTS`] segments.
+    #[must_use]
+    pub fn interval_of(
+        self,
+        num_segments: usize,
+        score: impl Fn(&[usize]) -> f64 + Sync,
+    ) -> Option<Interval> {
+        self.scores(num_segments, score).map(percentiles)
+    }
+
     /// Compares two systems on the same segments.
     ///
     /// # Errors

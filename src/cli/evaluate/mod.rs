@@ -1,5 +1,6 @@
-//! `rprae evaluate`: sentences scored against reference sentences.
+//! `rprae evaluate`: sentences scored against reference sentences, and trained models against held-out pairs.
 
+mod bundle;
 mod report;
 mod sentences;
 
@@ -17,15 +18,28 @@ use crate::evaluation::{Baseline, Measurement, Panel, Resampling, SentenceEncode
 #[derive(Debug, Args)]
 pub(super) struct EvaluateArgs {
     /// Sentences to score: a line each (.txt), or `{"id": "7", "hypothesis": "..."}` a line (.jsonl)
-    #[arg(long, value_name = "FILE")]
-    pub hypotheses: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "bundle", conflicts_with = "bundle")]
+    pub hypotheses: Option<PathBuf>,
     /// What they should say: a line each, several between tabs, or `{"id": "7", "references": ["..."]}` a line; may be
     /// given several times, and the references of a segment add up
-    #[arg(long, value_name = "FILE", required = true)]
+    #[arg(long, value_name = "FILE", required_unless_present = "bundle", conflicts_with = "bundle")]
     pub references: Vec<PathBuf>,
     /// Hypotheses of another system, compared segment by segment; also the reference model of relative performance
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with = "bundle")]
     pub paired: Option<PathBuf>,
+    /// Score a trained model instead: captions of held-out motions against two baselines, motions of held-out captions
+    /// against chance
+    #[arg(long, value_name = "DIR", requires = "prepared")]
+    pub bundle: Option<PathBuf>,
+    /// Folder that `rprae prepare` made, whose pairs the model is scored on
+    #[arg(long, value_name = "DIR", requires = "bundle")]
+    pub prepared: Option<PathBuf>,
+    /// Part of the prepared data
+    #[arg(long, value_enum, default_value_t = SplitArg::Test, requires = "bundle")]
+    pub split: SplitArg,
+    /// Another trained model that embeds and reads back what the model makes [default: the model itself]
+    #[arg(long, value_name = "DIR", requires = "bundle")]
+    pub judge: Option<PathBuf>,
     /// Folder of the encoder for BERTScore
     #[arg(long, value_name = "DIR")]
     pub encoder: Option<PathBuf>,
@@ -58,6 +72,17 @@ pub(super) struct EvaluateArgs {
     pub overwrite: bool,
 }
 
+/// Part of prepared data.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum SplitArg {
+    /// What was learned from: says how well it is remembered
+    Train,
+    /// What was watched while learning
+    Validation,
+    /// What nothing was decided by
+    Test,
+}
+
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(super) enum PoolingArg {
     /// The start token after the last layer
@@ -79,24 +104,8 @@ impl From<PoolingArg> for Pooling {
 }
 
 pub(super) fn run(args: &EvaluateArgs) -> Result<Exit, Failure> {
-    let pairs = sentences::read(&args.hypotheses, &args.references).or_usage()?;
-    let other = match &args.paired {
-        Some(path) => Some(sentences::read(path, &args.references).or_usage()?),
-        None => None,
-    };
-    if let Some(other) = &other {
-        let ids = |corpus: &crate::evaluation::Corpus| -> Vec<String> {
-            corpus.segments().iter().map(|segment| segment.id.clone()).collect()
-        };
-        if ids(&pairs.corpus) != ids(&other.corpus) {
-            let error = anyhow::anyhow!(
-                "compare two systems: their hypotheses are not of the same segments, in the same order"
-            );
-            return Err(error).or_usage();
-        }
-    }
     let token_encoder = match &args.encoder {
-        Some(folder) => Some(open_token_encoder(folder, args).or_usage()?),
+        Some(folder) => Some(open_token_encoder(folder, args.layer, args.baseline.as_deref()).or_usage()?),
         None => None,
     };
     let sentence_encoder = match &args.sentence_encoder {
@@ -117,8 +126,33 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<Exit, Failure> {
             ),
         }),
     };
+    match (&args.bundle, &args.prepared, &args.hypotheses) {
+        (Some(bundle), Some(prepared), _) => bundle::run(args, bundle, prepared, &panel),
+        (_, _, Some(hypotheses)) => sentences(args, hypotheses, &panel),
+        _ => Err(anyhow::anyhow!("find what to score: give --hypotheses, or --bundle with --prepared"))
+            .or_usage(),
+    }
+}
+
+fn sentences(args: &EvaluateArgs, hypotheses: &Path, panel: &Panel<'_>) -> Result<Exit, Failure> {
+    let pairs = sentences::read(hypotheses, &args.references).or_usage()?;
+    let other = match &args.paired {
+        Some(path) => Some(sentences::read(path, &args.references).or_usage()?),
+        None => None,
+    };
+    if let Some(other) = &other {
+        let ids = |corpus: &crate::evaluation::Corpus| -> Vec<String> {
+            corpus.segments().iter().map(|segment| segment.id.clone()).collect()
+        };
+        if ids(&pairs.corpus) != ids(&other.corpus) {
+            let error = anyhow::anyhow!(
+                "compare two systems: their hypotheses are not of the same segments, in the same order"
+            );
+            return Err(error).or_usage();
+        }
+    }
     // The place for the results is made before the long work.
-    let folder = report::folder(args.out.as_deref(), args.overwrite, &args.hypotheses).or_usage()?;
+    let folder = report::folder(args.out.as_deref(), args.overwrite, hypotheses).or_usage()?;
     if args.encoder.is_some() || args.sentence_encoder.is_some() {
         let num_sentences = pairs.corpus.sentences().count();
         eprintln!("encoding {num_sentences} sentences, each distinct one once");
@@ -129,7 +163,7 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<Exit, Failure> {
     let scores = records(&measurements, others.as_deref(), resampling).or_failed()?;
     let report = Report {
         rprae: crate::manifest::VERSION,
-        hypotheses: report::InputRecord::of(&args.hypotheses).or_failed()?,
+        hypotheses: report::InputRecord::of(hypotheses).or_failed()?,
         references: args
             .references
             .iter()
@@ -171,12 +205,17 @@ fn records(
         .collect()
 }
 
-fn open_token_encoder(folder: &Path, args: &EvaluateArgs) -> anyhow::Result<(Encoder, Option<Baseline>)> {
+/// The encoder for BERTScore with its baseline: those asked for, or what is known of its shape.
+pub(super) fn open_token_encoder(
+    folder: &Path,
+    layer: Option<usize>,
+    baseline: Option<&Path>,
+) -> anyhow::Result<(Encoder, Option<Baseline>)> {
     let known = &KNOWN_ENCODERS[0];
     let is_known = crate::evaluation::encoder::looks_like_roberta_large(folder)?;
-    let layer = args.layer.or(known.layer.filter(|_| is_known));
+    let layer = layer.or(known.layer.filter(|_| is_known));
     let encoder = Encoder::open(folder, layer)?;
-    let baseline = match &args.baseline {
+    let baseline = match baseline {
         Some(path) => {
             let text = std::fs::read_to_string(path).with_context(|| format!("read {}", path.display()))?;
             let name = path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());

@@ -1,0 +1,195 @@
+//! `rprae tables`: a grid of models, trained, scored, and printed as the tables of the paper.
+
+mod display;
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use self::display::Display;
+use super::evaluate::open_token_encoder;
+use super::exit::{Exit, Failure, OrExit};
+use super::output;
+use super::progress::Steps;
+use super::train::Device;
+use crate::evaluation::encoder::{Encoder, Pooling};
+use crate::evaluation::{Panel, SentenceEncoder, TokenEncoder};
+use crate::experiments::{self, Cell, CellError, Grid};
+use crate::features::PreparedSet;
+use crate::manifest::write_file;
+use crate::model::{self, DeviceChoice, Selected};
+
+/// Name of the settings in the folder of a grid.
+const GRID_FILE: &str = "grid.toml";
+
+#[derive(Debug, Args)]
+pub(super) struct TablesArgs {
+    /// Which models: data, numbers of pairs, seeds, folds, settings of the runs (TOML); unknown keys are refused
+    #[arg(long, value_name = "TOML")]
+    pub grid: PathBuf,
+    /// Folder of the models and tables; models that are trained are kept, stopped ones go on from their last checkpoint
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Train the i-th of n parts of the models only. Folders of several machines are merged by copying their cells/ into
+    /// one, and running once more without this
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<(usize, usize)>,
+    /// What computes [default: auto]
+    #[arg(long, value_enum)]
+    pub device: Option<Device>,
+    /// Print what people wrote of the motions of Fig. 5-1 too; no file gets it
+    #[arg(long)]
+    pub references: bool,
+    /// Print nothing but tables and errors
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// `2/5` as (2, 5), counted from 1.
+fn shard(text: &str) -> Result<(usize, usize), String> {
+    let parts = text.split_once('/').and_then(|(part, of)| Some((part.parse().ok()?, of.parse().ok()?)));
+    match parts {
+        Some((part, of)) if (1..=of).contains(&part) => Ok((part, of)),
+        _ => Err("expected I/N with I from 1 to N, for example 2/5".to_owned()),
+    }
+}
+
+pub(super) fn run(args: &TablesArgs) -> Result<Exit, Failure> {
+    let grid = Grid::read(&args.grid).or_usage()?;
+    let set = PreparedSet::load(&grid.prepared).or_usage()?;
+    let selected = model::select(args.device.map_or(DeviceChoice::Auto, DeviceChoice::from)).or_usage()?;
+    begin(args, &grid)?;
+    train(args, &grid, &set, &selected)?;
+    let missing: Vec<Cell> =
+        grid.cells().into_iter().filter(|cell| !experiments::is_trained(&args.out, cell)).collect();
+    if let Some(first) = missing.first() {
+        output::print(&format!(
+            "{} of {} models are not trained yet, the first {}; run the other shards, bring their {} here, and run once \
+             more without --shard\n",
+            missing.len(),
+            grid.cells().len(),
+            first.name(),
+            experiments::CELLS
+        ))
+        .or_failed()?;
+        return Ok(Exit::Clean);
+    }
+    if args.shard.is_none() {
+        report(args, &grid, &set, &selected)?;
+    }
+    Ok(Exit::Clean)
+}
+
+/// Saves the grid, or refuses a folder that holds another one.
+fn begin(args: &TablesArgs, grid: &Grid) -> Result<(), Failure> {
+    let path = args.out.join(GRID_FILE);
+    if path.exists() {
+        let before = Grid::read(&path).or_usage()?;
+        // More seeds or amounts of the same runs go into the same folder; each model checks its own settings.
+        if (before.folds, &before.run) != (grid.folds, &grid.run) {
+            return Err(anyhow::anyhow!(
+                "use {}: it holds models of a grid with other folds or other settings of the runs; choose another --out",
+                args.out.display()
+            ))
+            .or_usage();
+        }
+    }
+    std::fs::create_dir_all(&args.out).or_failed()?;
+    let text = toml::to_string_pretty(grid).or_failed()?;
+    write_file(&path, text.as_bytes()).or_failed()
+}
+
+fn train(args: &TablesArgs, grid: &Grid, set: &PreparedSet, selected: &Selected) -> Result<(), Failure> {
+    let (part, of) = args.shard.unwrap_or((1, 1));
+    let cells: Vec<Cell> = grid
+        .cells()
+        .into_iter()
+        .enumerate()
+        .filter(|(place, _)| place % of == part - 1)
+        .map(|(_, cell)| cell)
+        .collect();
+    let waiting: Vec<Cell> =
+        cells.iter().copied().filter(|cell| !experiments::is_trained(&args.out, cell)).collect();
+    let mut display = Display::new(args.quiet, cells.len(), waiting.len());
+    if let Some(note) = &selected.note {
+        display.line(note);
+    }
+    for cell in waiting {
+        display.begin(&cell);
+        let observe = &mut |event: crate::training::Event<'_>| display.observe(&event);
+        experiments::train_cell(grid, &cell, set, &args.out, selected, None, observe).map_err(failure)?;
+        display.end(&cell);
+    }
+    display.finish();
+    Ok(())
+}
+
+/// Scores all models, writes everything, prints the tables.
+fn report(args: &TablesArgs, grid: &Grid, set: &PreparedSet, selected: &Selected) -> Result<(), Failure> {
+    let token_encoder = match &grid.encoder {
+        Some(folder) => Some(open_token_encoder(folder, None, None).or_usage()?),
+        None => None,
+    };
+    let sentence_encoder = match &grid.sentence_encoder {
+        Some(folder) => Some(Encoder::open(folder, None).or_usage()?),
+        None => None,
+    };
+    let panel = Panel {
+        token_encoder: token_encoder.as_ref().map(|(encoder, baseline)| TokenEncoder {
+            encoder,
+            prefix_space: true,
+            baseline: baseline.clone(),
+        }),
+        sentence_encoder: sentence_encoder.as_ref().map(|encoder| SentenceEncoder {
+            encoder,
+            pooling: if encoder.has_pooler() { Pooling::Pooler } else { Pooling::Mean },
+        }),
+    };
+    let humanoid = experiments::humanoid().or_failed()?;
+    let here = (grid, set, args.out.as_path());
+    let steps = Steps::new(args.quiet, grid.cells().len());
+    let rows =
+        experiments::collect(here, selected, &humanoid, &panel, &mut |cell| steps.step(&cell.name(), None))
+            .or_failed()?;
+    steps.finish();
+    let write = |name: &str, text: &str| write_file(&args.out.join(name), text.as_bytes());
+    for (name, svg) in experiments::pictures(here, &rows, selected, &humanoid).or_failed()? {
+        write(name, &svg).or_failed()?;
+    }
+    write("samples.jsonl", &experiments::samples(grid, &rows).or_failed()?).or_failed()?;
+    write("captions.md", &experiments::captions(grid, set, &rows, false)).or_failed()?;
+    let tables = experiments::tables(grid, &rows);
+    write("tables.md", &tables).or_failed()?;
+    let record = experiments::record(grid, set, &selected.name, &rows);
+    write("scores.json", &serde_json::to_string_pretty(&record).or_failed()?).or_failed()?;
+    output::print(&tables).or_failed()?;
+    if args.references {
+        output::print(&experiments::captions(grid, set, &rows, true)).or_failed()?;
+    }
+    for absent in panel.absent() {
+        eprintln!("not scored: {}; set encoder or sentence_encoder in the grid", absent.keys);
+    }
+    Ok(())
+}
+
+fn failure(error: CellError) -> Failure {
+    let exit = match &error {
+        CellError::Training { error, .. } if error.is_usage() => Exit::Usage,
+        CellError::Grid(_) | CellError::Draw { .. } | CellError::Other { .. } => Exit::Usage,
+        _ => Exit::Failed,
+    };
+    Failure { exit, error: error.into() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_are_counted_from_one() {
+        assert_eq!(shard("2/5"), Ok((2, 5)));
+        for wrong in ["0/5", "6/5", "2", "a/b", "1/0"] {
+            assert!(shard(wrong).is_err(), "{wrong}");
+        }
+    }
+}

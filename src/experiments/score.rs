@@ -1,0 +1,349 @@
+//! What a model is worth on pairs it never saw.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::Serialize;
+
+use super::baseline::{MOMENTS, most_frequent_caption, nearest_in_pose_space};
+use super::evaluator::{BATCH, Evaluator, EvaluatorError, describe};
+use super::poses::in_heading_frame;
+use crate::evaluation::motion::{
+    Embeddings, PoseComparison, Poses, PosesError, Rank, Retrieval, SetScore, diversity, frechet_score,
+    pair_distance,
+};
+use crate::evaluation::{Corpus, CorpusError, Measurement, Segment};
+use crate::features::{Pair, PreparedSet};
+use crate::humanoid::Humanoid;
+use crate::model::{Bundle, MotionLength};
+use crate::motion::NUM_CHANNELS;
+
+/// Why a model cannot be scored.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ScoreError {
+    /// The judge does not understand it.
+    #[error(transparent)]
+    Evaluator(#[from] EvaluatorError),
+    /// A motion that is none.
+    #[error("score the motion of {id}: {error}")]
+    Poses {
+        /// The motion described.
+        id: String,
+        /// What is wrong with it.
+        error: PosesError,
+    },
+    /// Captions that cannot be scored.
+    #[error(transparent)]
+    Corpus(#[from] CorpusError),
+    /// A model of other words than the set.
+    #[error("score the model: its words are not those of the prepared set; give the set it was trained on")]
+    OtherWords,
+}
+
+/// A caption written of a motion.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Described {
+    /// Motion.
+    pub id: String,
+    /// What the model wrote.
+    pub caption: String,
+    /// The caption of the nearest training motion in pose space; people wrote it, so no file gets it.
+    #[serde(skip)]
+    pub nearest: String,
+}
+
+/// A motion made from a caption.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Performed {
+    /// Motion that the caption describes.
+    pub id: String,
+    /// Place of the caption in the prepared set.
+    pub caption: usize,
+    /// Frames made.
+    pub frames: usize,
+    /// Frames of the recorded motion.
+    pub recorded_frames: usize,
+    /// What the judge wrote of the motion made.
+    pub read_back: String,
+    /// The motion made beside the recorded one.
+    pub pose: PoseComparison,
+    /// The motion made among those made from other captions, looked for by its caption.
+    pub rank: Rank,
+    /// The recorded motion among all recorded ones, looked for by the poses of the one made.
+    pub pose_rank: Rank,
+}
+
+/// Everything found out about a model.
+#[derive(Debug, Clone)]
+pub struct Outcome {
+    /// Name of the judge.
+    pub evaluator: String,
+    /// Captions of all motions of the pairs, sorted by place.
+    pub described: Vec<Described>,
+    /// Motions of all pairs.
+    pub performed: Vec<Performed>,
+    /// Captions with their references.
+    pub captions: Corpus,
+    /// The most frequent training caption, for every motion.
+    pub most_frequent: Corpus,
+    /// The caption of the nearest training motion in pose space.
+    pub nearest: Corpus,
+    /// Captions read back from the motions made from captions.
+    pub read_back: Corpus,
+    /// What was looked for, named.
+    pub retrievals: Vec<Retrieval>,
+    /// Distance of captions from the motions made from them, and from the recorded ones.
+    pub pair_distances: [Measurement; 2],
+    /// FID of the motions made, their diversity, and that of the recorded ones.
+    pub sets: Vec<SetScore>,
+    /// The motions made, normalised by the set, for pictures.
+    pub motions: Vec<Vec<[f32; NUM_CHANNELS]>>,
+    /// Latents of captions, of recorded motions, and of motions made.
+    pub latents: [Embeddings; 3],
+}
+
+impl Outcome {
+    /// Pose errors of the motions made.
+    #[must_use]
+    pub fn pose_measurements(&self) -> Vec<Measurement> {
+        let comparisons: Vec<PoseComparison> = self.performed.iter().map(|one| one.pose).collect();
+        PoseComparison::measure(&comparisons)
+    }
+}
+
+/// Scores a model on some pairs of a set; `judge` embeds and reads back what it makes.
+///
+/// Motions begin where the model lets them begin and are as long as it predicts: nothing of the reference is given.
+///
+/// # Errors
+/// [`ScoreError`] says what does not fit.
+pub fn score(
+    bundle: &Bundle,
+    judge: &Evaluator<'_>,
+    set: &PreparedSet,
+    pairs: &[Pair],
+    humanoid: &Humanoid,
+) -> Result<Outcome, ScoreError> {
+    judge.check(bundle)?;
+    if bundle.vocabulary.words != set.vocabulary.words {
+        return Err(ScoreError::OtherWords);
+    }
+    let poses = recorded_poses(set, pairs, humanoid)?;
+    let asked: BTreeSet<usize> = pairs.iter().map(|pair| pair.motion).collect();
+    let asked: Vec<usize> = asked.into_iter().collect();
+    let described = describe_all(bundle, set, &asked, &poses);
+    let captions: Vec<&[u32]> =
+        pairs.iter().map(|pair| set.captions[pair.caption].words.as_slice()).collect();
+    let made = perform(bundle, set, &captions);
+
+    let in_judge = judge.renormalized(&made, &set.normalizer);
+    let recorded: Vec<Vec<[f32; NUM_CHANNELS]>> =
+        pairs.iter().map(|pair| set.motions[pair.motion].frames.clone()).collect();
+    let recorded = judge.renormalized(&recorded, &set.normalizer);
+    let of_captions = judge.embed_captions(&captions)?;
+    let (of_recorded, of_made) = (judge.embed_motions(&recorded)?, judge.embed_motions(&in_judge)?);
+    let read_back = describe(judge.bundle, &in_judge);
+
+    let made_poses = pairs
+        .iter()
+        .zip(&made)
+        .map(|(pair, frames)| pose(set, pair.motion, frames, humanoid))
+        .collect::<Result<Vec<_>, _>>()?;
+    let is_other = |a: usize, b: usize| {
+        pairs[a].motion != pairs[b].motion
+            && set.captions[pairs[a].caption].words != set.captions[pairs[b].caption].words
+    };
+    // A recorded motion counts once, however many captions it has.
+    let is_first = |place: usize| pairs[..place].iter().all(|before| before.motion != pairs[place].motion);
+    let is_other_motion = |a: usize, b: usize| pairs[a].motion != pairs[b].motion && is_first(b);
+    let num = pairs.len();
+    let retrieval = |names, queries: &Embeddings, candidates: &Embeddings, once: bool| {
+        let is_wrong = |a: usize, b: usize| if once { is_other_motion(a, b) } else { is_other(a, b) };
+        Retrieval::new(names, &judge.name, num, is_wrong, |a, b| queries.distance(a, candidates, b))
+    };
+    let by_poses = Retrieval::new(
+        ("generated-motion", "recorded-motion"),
+        &format!("poses-at-{MOMENTS}-moments"),
+        num,
+        is_other_motion,
+        |a, b| {
+            poses
+                .get(&pairs[b].motion)
+                .map_or(f64::NAN, |other| made_poses[a].distance_over_course_m(other, MOMENTS))
+        },
+    );
+    let retrievals = vec![
+        retrieval(("caption", "generated-motion"), &of_captions, &of_made, false),
+        retrieval(("generated-motion", "caption"), &of_made, &of_captions, false),
+        by_poses,
+        retrieval(("caption", "recorded-motion"), &of_captions, &of_recorded, true),
+        retrieval(("recorded-motion", "caption"), &of_recorded, &of_captions, false),
+    ];
+
+    let performed = pairs
+        .iter()
+        .enumerate()
+        .map(|(place, pair)| Performed {
+            id: set.motions[pair.motion].id.clone(),
+            caption: pair.caption,
+            frames: made[place].len(),
+            recorded_frames: set.motions[pair.motion].frames.len(),
+            read_back: read_back[place].clone(),
+            pose: PoseComparison::new(&made_poses[place], &poses[&pair.motion]),
+            rank: retrievals[0].ranks[place],
+            pose_rank: retrievals[2].ranks[place],
+        })
+        .collect();
+    let mut sets = vec![frechet_score(&of_made, &of_recorded, &judge.name)];
+    sets.extend(diversity(&of_made, "generated-motion", &judge.name));
+    sets.extend(diversity(&of_recorded, "recorded-motion", &judge.name));
+
+    let most_frequent = most_frequent_caption(set);
+    let of_motions = |write: &dyn Fn(usize) -> String| {
+        let segments = asked.iter().enumerate().map(|(place, &motion)| segment(set, motion, write(place)));
+        Corpus::new(segments.collect())
+    };
+    let back = pairs.iter().zip(&read_back).map(|(pair, caption)| segment(set, pair.motion, caption.clone()));
+    Ok(Outcome {
+        evaluator: judge.name.clone(),
+        captions: of_motions(&|place| described[place].caption.clone())?,
+        most_frequent: of_motions(&|_| most_frequent.clone())?,
+        nearest: of_motions(&|place| described[place].nearest.clone())?,
+        read_back: Corpus::new(back.collect())?,
+        described,
+        performed,
+        pair_distances: [
+            pair_distance(&of_captions, &of_made, &judge.name),
+            pair_distance(&of_captions, &of_recorded, &judge.name),
+        ],
+        retrievals,
+        sets,
+        motions: made,
+        latents: [of_captions, of_recorded, of_made],
+    })
+}
+
+/// A caption with all the captions people gave the motion.
+fn segment(set: &PreparedSet, motion: usize, hypothesis: String) -> Segment {
+    let references = set.captions.iter().filter(|caption| caption.motion == Some(motion));
+    Segment {
+        id: set.motions[motion].id.clone(),
+        hypothesis,
+        references: references.map(|caption| caption.text.clone()).collect(),
+    }
+}
+
+fn pose(
+    set: &PreparedSet,
+    motion: usize,
+    frames: &[[f32; NUM_CHANNELS]],
+    humanoid: &Humanoid,
+) -> Result<Poses, ScoreError> {
+    in_heading_frame(humanoid, &set.normalizer, set.rate_hz, frames)
+        .map_err(|error| ScoreError::Poses { id: set.motions[motion].id.clone(), error })
+}
+
+/// Poses of all motions of the pairs and of the training pairs.
+fn recorded_poses(
+    set: &PreparedSet,
+    pairs: &[Pair],
+    humanoid: &Humanoid,
+) -> Result<BTreeMap<usize, Poses>, ScoreError> {
+    let motions: BTreeSet<usize> = pairs.iter().chain(&set.paired).map(|pair| pair.motion).collect();
+    motions
+        .into_iter()
+        .map(|motion| Ok((motion, pose(set, motion, &set.motions[motion].frames, humanoid)?)))
+        .collect()
+}
+
+fn describe_all(
+    bundle: &Bundle,
+    set: &PreparedSet,
+    motions: &[usize],
+    poses: &BTreeMap<usize, Poses>,
+) -> Vec<Described> {
+    let frames: Vec<Vec<[f32; NUM_CHANNELS]>> =
+        motions.iter().map(|&motion| set.motions[motion].frames.clone()).collect();
+    // A bundle may have been trained on another set with the same words.
+    let frames = Evaluator { bundle, name: String::new() }.renormalized(&frames, &set.normalizer);
+    let captions = describe(bundle, &frames);
+    let nearest = nearest_in_pose_space(set, poses, motions);
+    let rows = motions.iter().zip(captions.into_iter().zip(nearest));
+    rows.map(|(&motion, (caption, nearest))| Described {
+        id: set.motions[motion].id.clone(),
+        caption,
+        nearest,
+    })
+    .collect()
+}
+
+/// Motions of captions, normalised by the set.
+fn perform(bundle: &Bundle, set: &PreparedSet, captions: &[&[u32]]) -> Vec<Vec<[f32; NUM_CHANNELS]>> {
+    let mut made = Vec::new();
+    for captions in captions.chunks(BATCH) {
+        let latent = bundle.encode_captions(captions);
+        made.extend(bundle.decode_motions(&latent, None, &MotionLength::Predicted));
+    }
+    if bundle.normalizer != set.normalizer {
+        for frame in made.iter_mut().flatten() {
+            *frame = set.normalizer.normalize(&bundle.normalizer.denormalize(frame));
+        }
+    }
+    made
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use burn::tensor::Device;
+
+    use super::*;
+    use crate::experiments::poses::humanoid;
+    use crate::model::Rprae;
+    use crate::model::tests::tiny;
+    use crate::training::tests::four_pairs;
+
+    /// An untrained model on four pairs.
+    pub(in crate::experiments) fn outcome() -> Outcome {
+        let set = four_pairs();
+        let bundle = Bundle::new(&Rprae::new(&tiny(), &set.vocabulary, 1, &Device::flex()), &tiny(), &set);
+        score(&bundle, &Evaluator::new(&bundle), &set, &set.paired, &humanoid().unwrap()).unwrap()
+    }
+
+    #[test]
+    fn every_pair_is_scored_in_both_directions() {
+        let found = outcome();
+        assert_eq!((found.described.len(), found.performed.len(), found.read_back.len()), (4, 4, 4));
+        // What was learned from is its own nearest neighbour in pose space.
+        let set = four_pairs();
+        for (place, one) in found.described.iter().enumerate() {
+            let words = &set.captions[place].words;
+            assert_eq!(one.nearest.split(' ').count(), words.len() - 2, "{one:?}");
+        }
+        for (one, motion) in found.performed.iter().zip(&found.motions) {
+            assert_eq!(one.frames, motion.len());
+            assert!(
+                one.pose.pose_mm.is_finite() && one.rank.wrong == 3 && one.pose_rank.wrong == 3,
+                "{one:?}"
+            );
+        }
+        assert_eq!(found.sets.len(), 3);
+        assert!(found.evaluator.starts_with("rae-") && found.evaluator.len() == 16);
+        assert_eq!(outcome().evaluator, found.evaluator, "equal weights have equal names");
+    }
+
+    #[test]
+    fn models_of_other_words_are_refused() {
+        let set = four_pairs();
+        let bundle = |set: &PreparedSet| {
+            Bundle::new(&Rprae::new(&tiny(), &set.vocabulary, 1, &Device::flex()), &tiny(), set)
+        };
+        let mut other = set.clone();
+        other.vocabulary.words[2] = "else".to_owned();
+        let (ours, theirs) = (bundle(&set), bundle(&other));
+        let humanoid = humanoid().unwrap();
+        let error = score(&ours, &Evaluator::new(&theirs), &set, &set.paired, &humanoid).unwrap_err();
+        assert!(matches!(error, ScoreError::Evaluator(EvaluatorError::OtherWords)), "{error}");
+        let error = score(&ours, &Evaluator::new(&ours), &other, &set.paired, &humanoid).unwrap_err();
+        assert!(matches!(error, ScoreError::OtherWords), "{error}");
+    }
+}
