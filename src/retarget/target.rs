@@ -333,6 +333,11 @@ impl Plan {
         }
     }
 
+    /// Whether the source has our own proportions and joints.
+    pub(super) fn is_same_body(&self) -> bool {
+        self.same_body
+    }
+
     pub(super) fn stance(&self) -> &Stance {
         &self.stance
     }

@@ -86,7 +86,9 @@ pub(super) fn track(humanoid: &Humanoid, source: &Source, plan: &mut Plan) -> Ve
             towards(&mut prior, &neighbours);
             let mut least = solver.solve(&mut pose, &targets, &prior, SWEEP_STEPS);
             // Where a neighbour found another way to do the same, it is tried here too, so that changes of sides are few.
-            for neighbour in [index.checked_sub(1), Some(index + 1)].into_iter().flatten() {
+            // A source of our own body is followed as it is: it may well change sides.
+            let neighbours = [index.checked_sub(1), Some(index + 1)].into_iter().flatten();
+            for neighbour in neighbours.filter(|_| !plan.is_same_body()) {
                 let Some(other) = poses.get(neighbour).filter(|other| turned(&pose, other) > OTHER_WAY_RAD)
                 else {
                     continue;
