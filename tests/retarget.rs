@@ -103,6 +103,9 @@ fn median_difference(name: &str, a: &Motion, b: &Motion) -> Option<f64> {
                 angle(frame, &format!("{side}Ex")) > 0.35 && angle(frame, &format!("{side}Sz")).abs() < 1.2
             }
             Some("H") if name.ends_with('z') => angle(frame, &format!("{side}Kx")) < -0.35,
+            // How the trunk's two joints share their twist is nowhere to be seen either. As far as the thorax is bent forwards
+            // or back, its part of the twist also turns it sideways.
+            Some("T") if name.ends_with('y') => angle(frame, "BTx").abs() < 0.15,
             _ => true,
         }
     };
