@@ -4,7 +4,14 @@
 //! physical plausibility, recorded, and compared with what was accepted before.
 //!
 //! ```text
-//!  files ----> dataset ---> motion ---> humanoid (URDF, for a height and mass)
+//!  mocap --> retarget         features --> model --> training --> bundle
+//!               |                 ^                                  |
+//!               v                 |                             translation <--> captions
+//!  files ----> dataset -----------+                                  |
+//!                 |                                                  |
+//!                 +-------> motion <---------------------------------+ (read back after physics, too)
+//!                             |
+//!                             +-----> humanoid (URDF, for a height and mass)
 //!                             |             |
 //!                             |   +---------+-----------------+
 //!                             |   |                           |
@@ -12,7 +19,7 @@
 //!                             |                               |  rollout
 //!                             +--------> plausibility <-------+--------> recording (MCAP)
 //!                                             |
-//!                          harness: every case of a suite, safe on disk at once
+//!                          harness: every case of a suite, safe on disk at once <--- evaluation (meaning)
 //!                                             |
 //!                                   report: tables, regressions
 //! ```
@@ -27,7 +34,8 @@
 //!
 //! # Modules, in reading order
 //!
-//! [`motion`] is the sequence of frames everything is about, and [`dataset`] reads it from files.
+//! [`motion`] is the sequence of frames everything is about, and [`dataset`] reads it from files; what is in other skeletons
+//! comes through [`mocap`] and [`retarget`].
 //! [`kinematics`], [`robot`] and [`humanoid`] are the body.
 //! [`dynamics`] finds the forces a motion takes, [`synthesis`] makes the motions of the bundled suite, and [`simulation`]
 //! lets the body move.

@@ -19,6 +19,9 @@ pub enum EvaluatorError {
     /// The two work at different rates.
     #[error("judge a model by another: their motions have different rates")]
     OtherRate,
+    /// The two place the root differently.
+    #[error("judge a model by another: one takes the root as it is, the other from the start of a motion")]
+    OtherRoot,
     /// Latents that are not finite.
     #[error(transparent)]
     Embeddings(#[from] EmbeddingsError),
@@ -53,6 +56,9 @@ impl<'a> Evaluator<'a> {
         }
         if self.bundle.config.rate_hz != other.config.rate_hz {
             return Err(EvaluatorError::OtherRate);
+        }
+        if self.bundle.config.root != other.config.root {
+            return Err(EvaluatorError::OtherRoot);
         }
         Ok(())
     }

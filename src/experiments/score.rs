@@ -38,6 +38,12 @@ pub enum ScoreError {
     /// A model of other words than the set.
     #[error("score the model: its words are not those of the prepared set; give the set it was trained on")]
     OtherWords,
+    /// A model of motions prepared in another way.
+    #[error(
+        "score the model: its motions have another rate, or begin elsewhere, than those of the prepared set; give the set it \
+         was trained on"
+    )]
+    OtherMotions,
 }
 
 /// A caption written of a motion.
@@ -127,6 +133,9 @@ pub fn score(
     judge.check(bundle)?;
     if bundle.vocabulary.words != set.vocabulary.words {
         return Err(ScoreError::OtherWords);
+    }
+    if bundle.config.rate_hz != set.rate_hz || bundle.config.root != set.root {
+        return Err(ScoreError::OtherMotions);
     }
     let poses = recorded_poses(set, pairs, humanoid)?;
     let asked: BTreeSet<usize> = pairs.iter().map(|pair| pair.motion).collect();
@@ -345,5 +354,8 @@ pub(super) mod tests {
         assert!(matches!(error, ScoreError::Evaluator(EvaluatorError::OtherWords)), "{error}");
         let error = score(&ours, &Evaluator::new(&ours), &other, &set.paired, &humanoid).unwrap_err();
         assert!(matches!(error, ScoreError::OtherWords), "{error}");
+        let slower = PreparedSet { rate_hz: 0.5 * set.rate_hz, ..set.clone() };
+        let error = score(&ours, &Evaluator::new(&ours), &slower, &slower.paired, &humanoid).unwrap_err();
+        assert!(matches!(error, ScoreError::OtherMotions), "{error}");
     }
 }
