@@ -5,18 +5,22 @@
 //! Pinocchio's side the cost of a call from Python is measured on a body of one joint and taken off.
 //! The peer runs under `$RPRAE_PEER_PYTHON` (default `python3`) with the packages of `benches/peers/requirements.txt`.
 
+#[path = "beside/clock.rs"]
+mod clock;
+#[path = "beside/peer.rs"]
+mod peer;
+
 use std::error::Error;
 use std::hint::black_box;
-use std::io::{BufRead as _, BufReader, Write as _};
-use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Stdio};
-use std::time::Instant;
 
 use nalgebra::{Isometry3, Vector3};
 use rprae::dynamics::{Inertia, InverseDynamics, RootMotion, inverse_dynamics};
 use rprae::humanoid::Humanoid;
 use rprae::motion::{Body, NUM_JOINTS};
 use serde_json::Value;
+
+use clock::cpu_secs;
+use peer::{Peer, median, script};
 
 /// Alternations; the printed numbers are medians over them.
 const ROUNDS: usize = 11;
@@ -27,17 +31,21 @@ fn main() -> Result<(), Box<dyn Error>> {
     let humanoid = Humanoid::new(Body::with_default_mass(1.75))?;
     let folder = tempfile::tempdir()?;
     std::fs::write(folder.path().join("body.urdf"), &humanoid.urdf)?;
-    let mut peer = Peer::start(folder.path())
+    let mut command = script("inverse_dynamics_pinocchio.py");
+    command.args(["--calls", &CALLS.to_string(), "--urdf"]).arg(folder.path().join("body.urdf"));
+    let mut peer = Peer::start(&mut command)
         .map_err(|error| eprintln!("Pinocchio is left out ({error}); see benches/peers/requirements.txt"))
-        .ok();
+        .ok()
+        .map(|(peer, _)| peer);
     let (mut ours, mut mass, mut theirs) = (Vec::new(), Vec::new(), Vec::new());
     // One round to warm caches and clocks on both sides.
     for round in 0..=ROUNDS {
         let (inverse_secs, mass_secs) = (inverse_secs(&humanoid), mass_matrix_secs(&humanoid));
-        let measured = peer.as_mut().map(Peer::measure).transpose()?;
+        let measured = peer.as_mut().map(|peer| peer.ask("measure")).transpose()?;
         if round > 0 {
             ours.push(inverse_secs);
             mass.push(mass_secs);
+            let measured: Option<Value> = measured.as_deref().map(serde_json::from_str).transpose()?;
             theirs.extend(measured.and_then(|reply| reply["secs_per_call"].as_f64()));
         }
     }
@@ -100,66 +108,4 @@ fn mass_matrix_secs(humanoid: &Humanoid) -> f64 {
         black_box(inertia.com_m());
     }
     (cpu_secs() - start) / CALLS as f64
-}
-
-/// Sorts, and gives the middle.
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
-/// CPU time of this thread where the system tells it, else wall time, seconds.
-fn cpu_secs() -> f64 {
-    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-    let wall = START.get_or_init(Instant::now).elapsed().as_secs_f64();
-    let read = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    read.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok())
-        .map_or(wall, |nanos| nanos * 1e-9)
-}
-
-struct Peer {
-    process: Child,
-    replies: BufReader<ChildStdout>,
-}
-
-impl Peer {
-    fn start(folder: &Path) -> Result<Self, Box<dyn Error>> {
-        let script =
-            Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/inverse_dynamics_pinocchio.py");
-        let python = std::env::var_os("RPRAE_PEER_PYTHON").unwrap_or_else(|| "python3".into());
-        let mut process = Command::new(python)
-            .arg(script)
-            .args(["--calls", &CALLS.to_string()])
-            .arg("--urdf")
-            .arg(folder.join("body.urdf"))
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()?;
-        let replies = BufReader::new(process.stdout.take().ok_or("the peer has no output")?);
-        let mut peer = Self { process, replies };
-        peer.reply()?;
-        Ok(peer)
-    }
-
-    fn reply(&mut self) -> Result<Value, Box<dyn Error>> {
-        let mut line = String::new();
-        if self.replies.read_line(&mut line)? == 0 {
-            return Err("the peer stopped, is pinocchio installed?".into());
-        }
-        Ok(serde_json::from_str(&line)?)
-    }
-
-    fn measure(&mut self) -> Result<Value, Box<dyn Error>> {
-        self.process.stdin.as_mut().ok_or("the peer has no input")?.write_all(b"measure\n")?;
-        self.reply()
-    }
-}
-
-impl Drop for Peer {
-    fn drop(&mut self) {
-        // The peer ends with its input; if it is gone already there is nothing to wait for.
-        drop(self.process.stdin.take());
-        let _ = self.process.wait();
-    }
 }

@@ -5,14 +5,19 @@
 //! angles), alternating in one run; ours also maps joints by name, finds the rate and checks every value.
 //! The peer runs under `$RPRAE_PEER_PYTHON` (default `python3`) with the packages of `benches/peers/requirements.txt`.
 
+#[path = "beside/clock.rs"]
+mod clock;
+#[path = "beside/peer.rs"]
+mod peer;
+
 use std::error::Error;
-use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::time::Instant;
 
 use rprae::dataset::mmm::{read_mmm, write_mmm};
 use rprae::motion::{Body, Frame, Motion};
+
+use clock::cpu_secs;
+use peer::{Peer, median, script};
 
 /// Alternations; the printed numbers are medians over them.
 const ROUNDS: usize = 11;
@@ -33,27 +38,33 @@ fn main() -> Result<(), Box<dyn Error>> {
         files.len()
     );
 
-    let mut peer = Peer::start(&paths)
+    let mut peer = Peer::start(script("ingest.py").args(&paths))
         .map_err(|error| println!("lxml is left out ({error}); see benches/peers/requirements.txt"))
-        .ok();
+        .ok()
+        .map(|(peer, hello)| {
+            println!("peer: {}", hello.trim());
+            peer
+        });
     let (mut ours, mut theirs) = (Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
         let (secs, sum) = run_ours(&files)?;
         ours.push(megabytes / secs);
         if let Some(peer) = &mut peer {
-            let (peer_secs, peer_sum) = peer.run()?;
+            let reply = peer.ask("")?;
+            let (peer_secs, peer_sum) = reply.trim().split_once(' ').ok_or("unreadable reply")?;
+            let (peer_secs, peer_sum): (f64, f64) = (peer_secs.parse()?, peer_sum.parse()?);
             if (sum - peer_sum).abs() > 1e-9 * sum.abs() {
                 return Err(format!("the two sides read different numbers: {sum} and {peer_sum}").into());
             }
             theirs.push(megabytes / peer_secs);
         }
     }
-    println!("rprae {:8.1} MB/s", median(ours.clone()));
+    println!("rprae {:8.1} MB/s", median(&mut ours.clone()));
     if !theirs.is_empty() {
-        let ratios: Vec<f64> = ours.iter().zip(&theirs).map(|(ours, theirs)| ours / theirs).collect();
+        let mut ratios: Vec<f64> = ours.iter().zip(&theirs).map(|(ours, theirs)| ours / theirs).collect();
         let (low, high) = ratios.iter().fold((f64::MAX, 0.0_f64), |(l, h), &r| (l.min(r), h.max(r)));
-        println!("lxml  {:8.1} MB/s", median(theirs));
-        println!("ratio {:8.1}x (lowest {low:.1}, highest {high:.1})", median(ratios));
+        println!("lxml  {:8.1} MB/s", median(&mut theirs));
+        println!("ratio {:8.1}x (lowest {low:.1}, highest {high:.1})", median(&mut ratios));
     }
     Ok(())
 }
@@ -77,20 +88,6 @@ fn run_ours(files: &[Vec<u8>]) -> Result<(f64, f64), Box<dyn Error>> {
 fn sum_of_frame(frame: &Frame) -> f64 {
     let angles: f64 = frame.joint_angles_rad.iter().chain(&frame.root_rotation_rad).sum();
     angles + 1e3 * frame.root_position_m.iter().sum::<f64>()
-}
-
-/// CPU time of this thread where the system tells it, else wall time, seconds.
-fn cpu_secs() -> f64 {
-    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-    let wall = START.get_or_init(Instant::now).elapsed().as_secs_f64();
-    let read = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    read.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok())
-        .map_or(wall, |nanos| nanos * 1e-9)
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
 }
 
 fn recorded_files(folder: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
@@ -127,51 +124,4 @@ fn generate_files(folder: &Path) -> Result<Vec<PathBuf>, Box<dyn Error>> {
             Ok(path)
         })
         .collect()
-}
-
-/// The Python side, which runs one pass for each line it is sent.
-struct Peer {
-    child: Child,
-    replies: BufReader<std::process::ChildStdout>,
-}
-
-impl Peer {
-    fn start(paths: &[PathBuf]) -> Result<Self, Box<dyn Error>> {
-        let python = std::env::var_os("RPRAE_PEER_PYTHON").unwrap_or_else(|| "python3".into());
-        let mut child = Command::new(python)
-            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/ingest.py"))
-            .args(paths)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()?;
-        let replies = BufReader::new(child.stdout.take().ok_or("no output")?);
-        let mut peer = Self { child, replies };
-        let hello = peer.reply().map_err(|_| "python with lxml and numpy did not start")?;
-        println!("peer: {}", hello.trim());
-        Ok(peer)
-    }
-
-    fn reply(&mut self) -> Result<String, Box<dyn Error>> {
-        let mut line = String::new();
-        if self.replies.read_line(&mut line)? == 0 {
-            return Err("the peer stopped".into());
-        }
-        Ok(line)
-    }
-
-    fn run(&mut self) -> Result<(f64, f64), Box<dyn Error>> {
-        writeln!(self.child.stdin.as_mut().ok_or("no input")?)?;
-        let line = self.reply()?;
-        let (secs, sum) = line.trim().split_once(' ').ok_or("unreadable reply")?;
-        Ok((secs.parse()?, sum.parse()?))
-    }
-}
-
-impl Drop for Peer {
-    fn drop(&mut self) {
-        // Closing its input ends it.
-        drop(self.child.stdin.take());
-        let _ = self.child.wait();
-    }
 }

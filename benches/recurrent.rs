@@ -12,10 +12,12 @@
 //! The peer runs under `$RPRAE_PEER_PYTHON` (default `python3`) with the packages of `benches/peers/requirements.txt`.
 //! `RPRAE_BENCH_ROUNDS` and `RPRAE_BENCH_VARIANTS` (comma-separated) shorten a run.
 
+#[path = "beside/peer.rs"]
+mod peer;
+
 use std::error::Error;
-use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::Stdio;
 use std::time::Instant;
 
 use burn::module::{Module, Param};
@@ -23,6 +25,8 @@ use burn::optim::{AdamConfig, GradientsParams};
 use burn::tensor::{Device, Distribution, Tensor, TensorData};
 use rprae::model::ops::{Direction, LstmState, LstmWeights, lstm_closed_loop, lstm_last_state};
 use serde_json::{Value, json};
+
+use peer::{Peer, median, script};
 
 const BATCH: usize = 80;
 const CHANNELS: usize = 50;
@@ -102,56 +106,9 @@ impl Actions {
     }
 }
 
-/// `PyTorch`, waiting for requests.
-struct Peer {
-    process: Child,
-    answers: BufReader<ChildStdout>,
-}
-
-impl Peer {
-    fn start() -> Result<Self, Box<dyn Error>> {
-        let python = std::env::var("RPRAE_PEER_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/training_pytorch.py");
-        let mut process = Command::new(python)
-            .arg(script)
-            .args(["--threads", &THREADS.to_string()])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()?;
-        let stdout = process.stdout.take().ok_or("the peer has no output")?;
-        let mut peer = Self { process, answers: BufReader::new(stdout) };
-        let ready = peer.answer()?;
-        println!("peer: PyTorch {}, {THREADS} threads", ready["version"].as_str().unwrap_or("?"));
-        Ok(peer)
-    }
-
-    fn answer(&mut self) -> Result<Value, Box<dyn Error>> {
-        let mut line = String::new();
-        if self.answers.read_line(&mut line)? == 0 {
-            return Err("the peer ended; does it have the packages of benches/peers/requirements.txt?".into());
-        }
-        Ok(serde_json::from_str(&line)?)
-    }
-
-    fn ask(&mut self, request: &Value) -> Result<Value, Box<dyn Error>> {
-        let stdin = self.process.stdin.as_mut().ok_or("the peer has no input")?;
-        writeln!(stdin, "{request}")?;
-        self.answer()
-    }
-}
-
-impl Drop for Peer {
-    fn drop(&mut self) {
-        drop(self.process.stdin.take());
-        // It ends by itself once its input does; nothing depends on how.
-        let _ = self.process.wait();
-    }
-}
-
-/// The middle value, after sorting; not a number where there is none.
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+/// An answer of `PyTorch`.
+fn ask(peer: &mut Peer, request: &Value) -> Result<Value, Box<dyn Error>> {
+    Ok(serde_json::from_str(&peer.ask(&request.to_string())?)?)
 }
 
 /// Resident memory at its highest, MiB, as Linux tells it.
@@ -276,10 +233,10 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
             }
         }
         own_peak.extend(peak_mib());
-        let answer = peer.ask(&json!({"variant": "matmul", "size": 2000}))?;
+        let answer = ask(peer, &json!({"variant": "matmul", "size": 2000}))?;
         peaks[1].push(answer["gflops"].as_f64().ok_or("no speed")?);
         for (variant, times) in variants.iter().zip(&mut theirs) {
-            let answer = peer.ask(&json!({"variant": variant, "lengths": lengths, "width": width}))?;
+            let answer = ask(peer, &json!({"variant": variant, "lengths": lengths, "width": width}))?;
             if round > 0 {
                 times.wall.push(answer["secs"].as_f64().ok_or("no time")?);
                 times.cpu.push(answer["cpu_secs"].as_f64().ok_or("no processor time")?);
@@ -332,7 +289,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     rayon::ThreadPoolBuilder::new().num_threads(THREADS).build_global()?;
     println!("instructions: {}", rprae_recurrent::Instructions::best().name());
-    let mut peer = Peer::start()?;
+    let mut command = script("training_pytorch.py");
+    let (mut peer, ready) =
+        Peer::start(command.args(["--threads", &THREADS.to_string()]).stderr(Stdio::inherit()))?;
+    let ready: Value = serde_json::from_str(&ready)?;
+    println!("peer: PyTorch {}, {THREADS} threads", ready["version"].as_str().unwrap_or("?"));
     compare(&mut peer, "100 frames each", &[100; BATCH], rounds)?;
     compare(&mut peer, "KIT lengths", &kit_lengths(), rounds)
 }

@@ -8,12 +8,14 @@
 //! Both sides report what the body did, so that a fast fall is not taken for speed.
 //! The peer runs under `$RPRAE_PEER_PYTHON` (default `python3`) with the packages of `benches/peers/requirements.txt`.
 
+#[path = "beside/clock.rs"]
+mod clock;
+#[path = "beside/peer.rs"]
+mod peer;
+
 use std::error::Error;
 use std::fmt::Write as _;
-use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Stdio};
-use std::time::Instant;
 
 use rprae::humanoid::Humanoid;
 use rprae::motion::{Body, Frame, JOINTS, Motion, joint_index};
@@ -22,6 +24,9 @@ use rprae::simulation::{
     ADDED_INERTIA, GRAVITY_M_S2, JointForm, Level, Rollout, SimulationSettings, gains, simulate,
 };
 use serde_json::{Value, json};
+
+use clock::cpu_secs;
+use peer::{Peer, median, script};
 
 /// Alternations; the printed numbers are medians over them.
 const ROUNDS: usize = 9;
@@ -87,7 +92,7 @@ fn compare(
 ) -> Result<(f64, f64), Box<dyn Error>> {
     let motion = motion(humanoid, amplitude_rad, settings.dt_secs)?;
     let folder = tempfile::tempdir()?;
-    let mut peer = Peer::start(folder.path(), humanoid, &motion, settings)
+    let mut peer = mujoco(folder.path(), humanoid, &motion, settings)
         .map_err(|error| eprintln!("MuJoCo is left out ({error}); see benches/peers/requirements.txt"))
         .ok();
     let (mut ours, mut theirs, mut errors) = (Vec::new(), Vec::new(), (0.0, f64::NAN));
@@ -97,7 +102,8 @@ fn compare(
         let rollout = simulate(humanoid, &motion, Level::L3, settings, &mut |_| {})?;
         let speed = STEPS as f64 / (cpu_secs() - start);
         errors.0 = joint_rms(&rollout);
-        let measured = peer.as_mut().map(Peer::measure).transpose()?;
+        let measured = peer.as_mut().map(|peer| peer.ask("measure")).transpose()?;
+        let measured: Option<Value> = measured.as_deref().map(serde_json::from_str).transpose()?;
         if round > 0 {
             ours.push(speed);
             theirs.extend(measured.as_ref().and_then(|m| m["steps_per_cpu_sec"].as_f64()));
@@ -106,7 +112,7 @@ fn compare(
     }
     let mut ratios: Vec<f64> = ours.iter().zip(&theirs).map(|(ours, theirs)| ours / theirs).collect();
     ratios.sort_by(f64::total_cmp);
-    let middle = if ratios.is_empty() { f64::NAN } else { median(&mut ratios) };
+    let middle = median(&mut ratios);
     let ratio = match ratios.as_slice() {
         [lowest, .., highest] => format!("{middle:.2} ({lowest:.2}..{highest:.2})"),
         _ => "-".to_owned(),
@@ -153,76 +159,21 @@ fn joint_rms(rollout: &Rollout) -> f64 {
     (squares / (rollout.samples.len() * JOINTS.len()) as f64).sqrt()
 }
 
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
-/// CPU time of this thread where the system tells it, else wall time, seconds.
-fn cpu_secs() -> f64 {
-    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-    let wall = START.get_or_init(Instant::now).elapsed().as_secs_f64();
-    let read = std::fs::read_to_string("/proc/thread-self/schedstat").ok();
-    read.and_then(|text| text.split_whitespace().next()?.parse::<f64>().ok())
-        .map_or(wall, |nanos| nanos * 1e-9)
-}
-
-struct Peer {
-    process: Child,
-    replies: BufReader<ChildStdout>,
-}
-
-impl Peer {
-    fn start(
-        folder: &Path,
-        humanoid: &Humanoid,
-        motion: &Motion,
-        settings: &SimulationSettings,
-    ) -> Result<Self, Box<dyn Error>> {
-        std::fs::write(folder.join("body.urdf"), &humanoid.urdf)?;
-        std::fs::write(folder.join("control.json"), control(humanoid, motion, settings).to_string())?;
-        std::fs::write(folder.join("targets.csv"), targets(motion, settings.dt_secs)?)?;
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/rollout_mujoco.py");
-        let python = std::env::var_os("RPRAE_PEER_PYTHON").unwrap_or_else(|| "python3".into());
-        let mut process = Command::new(python)
-            .arg(script)
-            .args(["--on-request", "--warm-up", "0", "--steps", &STEPS.to_string()])
-            .arg("--urdf")
-            .arg(folder.join("body.urdf"))
-            .arg("--control")
-            .arg(folder.join("control.json"))
-            .arg("--targets")
-            .arg(folder.join("targets.csv"))
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()?;
-        let replies = BufReader::new(process.stdout.take().ok_or("the peer has no output")?);
-        let mut peer = Self { process, replies };
-        peer.reply()?;
-        Ok(peer)
-    }
-
-    fn reply(&mut self) -> Result<Value, Box<dyn Error>> {
-        let mut line = String::new();
-        if self.replies.read_line(&mut line)? == 0 {
-            return Err("the peer stopped, is mujoco installed?".into());
-        }
-        Ok(serde_json::from_str(&line)?)
-    }
-
-    fn measure(&mut self) -> Result<Value, Box<dyn Error>> {
-        self.process.stdin.as_mut().ok_or("the peer has no input")?.write_all(b"measure\n")?;
-        self.reply()
-    }
-}
-
-impl Drop for Peer {
-    fn drop(&mut self) {
-        // The peer ends with its input; if it is gone already there is nothing to wait for.
-        drop(self.process.stdin.take());
-        let _ = self.process.wait();
-    }
+/// MuJoCo with a body, its control and its targets, loaded and waiting.
+fn mujoco(
+    folder: &Path,
+    humanoid: &Humanoid,
+    motion: &Motion,
+    settings: &SimulationSettings,
+) -> Result<Peer, Box<dyn Error>> {
+    let [body, gains, commands] = ["body.urdf", "control.json", "targets.csv"].map(|name| folder.join(name));
+    std::fs::write(&body, &humanoid.urdf)?;
+    std::fs::write(&gains, control(humanoid, motion, settings).to_string())?;
+    std::fs::write(&commands, targets(motion, settings.dt_secs)?)?;
+    let mut command = script("rollout_mujoco.py");
+    command.args(["--on-request", "--warm-up", "0", "--steps", &STEPS.to_string()]);
+    command.arg("--urdf").arg(body).arg("--control").arg(gains).arg("--targets").arg(commands);
+    Ok(Peer::start(&mut command)?.0)
 }
 
 fn control(humanoid: &Humanoid, motion: &Motion, settings: &SimulationSettings) -> Value {

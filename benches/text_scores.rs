@@ -6,15 +6,19 @@
 //! neither remembers a sentence from one round to the next.
 //! The peer runs under `$RPRAE_PEER_PYTHON` (default `python3`) with the packages of `benches/peers/requirements.txt`.
 
+#[path = "beside/peer.rs"]
+mod peer;
+
 use std::error::Error;
 use std::fmt::Write as _;
-use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::Instant;
 
 use rprae::evaluation::encoder::Encoder;
 use rprae::evaluation::{BertScore, Bleu, Corpus, EmbeddedSegment, Segment};
+
+use peer::{Peer, median, script};
 
 /// Segments for BLEU, about the captions of KIT-ML.
 const BLEU_SEGMENTS: usize = 6_000;
@@ -34,7 +38,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let corpus = captions(BLEU_SEGMENTS)?;
     let pairs = write_pairs(folder.path(), &corpus)?;
     let ours = || Ok(100.0 * Bleu::SACREBLEU.measure(&corpus)[3].score());
-    compare("corpus BLEU", &corpus, Peer::start(&pairs, &threads, None), "bleu", BLEU_ROUNDS, ours)?;
+    let mut command = script("text_scores.py");
+    command.arg(&pairs).arg(&threads);
+    compare("corpus BLEU", &corpus, &mut command, "bleu", BLEU_ROUNDS, ours)?;
 
     let Some(minilm) = minilm else {
         println!("BERTScore is left out: RPRAE_MINILM names no encoder");
@@ -47,38 +53,47 @@ fn main() -> Result<(), Box<dyn Error>> {
         encoder.forget();
         bert_score_f(&encoder, &corpus)
     };
-    compare("BERTScore", &corpus, Peer::start(&pairs, &threads, Some(&minilm)), "bert", BERT_ROUNDS, ours)
+    let mut command = script("text_scores.py");
+    command.arg(&pairs).arg(&threads).arg(&minilm).arg(LAYER.to_string());
+    compare("BERTScore", &corpus, &mut command, "bert", BERT_ROUNDS, ours)
 }
 
 /// Runs both sides in turn and prints medians and ratio.
 fn compare(
     name: &str,
     corpus: &Corpus,
-    peer: Result<Peer, Box<dyn Error>>,
+    command: &mut Command,
     task: &str,
     rounds: usize,
     mut ours: impl FnMut() -> Result<f64, Box<dyn Error>>,
 ) -> Result<(), Box<dyn Error>> {
     println!("{name}: {} segments, {} references", corpus.len(), corpus.references().count());
-    let mut peer = peer.map_err(|error| println!("the peer is left out ({error})")).ok();
+    let started = Peer::start(command).map_err(|error| println!("the peer is left out ({error})"));
+    let mut peer = started.ok().map(|(peer, hello)| {
+        println!("peer: {}", hello.trim());
+        peer
+    });
     let (mut our_secs, mut peer_secs) = (Vec::new(), Vec::new());
     for _ in 0..rounds {
         let start = Instant::now();
         let score = ours()?;
         our_secs.push(start.elapsed().as_secs_f64());
         if let Some(peer) = &mut peer {
-            let (secs, theirs) = peer.run(task)?;
+            let reply = peer.ask(task)?;
+            let (secs, theirs) = reply.trim().split_once(' ').ok_or("unreadable reply")?;
+            let (secs, theirs): (f64, f64) = (secs.parse()?, theirs.parse()?);
             if (score - theirs).abs() > 1e-3 {
                 return Err(format!("the two sides score differently: {score} and {theirs}").into());
             }
             peer_secs.push(secs);
         }
     }
-    println!("  rprae {:9.2} ms", 1e3 * median(our_secs.clone()));
+    println!("  rprae {:9.2} ms", 1e3 * median(&mut our_secs.clone()));
     if !peer_secs.is_empty() {
-        let ratios = peer_secs.iter().zip(&our_secs).map(|(theirs, ours)| theirs / ours).collect();
-        println!("  peer  {:9.2} ms", 1e3 * median(peer_secs));
-        println!("  ratio {:9.2}x, median over {rounds} alternating rounds", median(ratios));
+        let mut ratios: Vec<f64> =
+            peer_secs.iter().zip(&our_secs).map(|(theirs, ours)| theirs / ours).collect();
+        println!("  peer  {:9.2} ms", 1e3 * median(&mut peer_secs));
+        println!("  ratio {:9.2}x, median over {rounds} alternating rounds", median(&mut ratios));
     }
     Ok(())
 }
@@ -152,57 +167,4 @@ fn write_pairs(folder: &Path, corpus: &Corpus) -> Result<PathBuf, Box<dyn Error>
     }
     std::fs::write(&path, text)?;
     Ok(path)
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values[values.len() / 2]
-}
-
-/// The Python side, which scores once for each line it is sent.
-struct Peer {
-    child: Child,
-    replies: BufReader<std::process::ChildStdout>,
-}
-
-impl Peer {
-    fn start(pairs: &Path, threads: &str, encoder: Option<&Path>) -> Result<Self, Box<dyn Error>> {
-        let python = std::env::var_os("RPRAE_PEER_PYTHON").unwrap_or_else(|| "python3".into());
-        let mut command = Command::new(python);
-        command
-            .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/text_scores.py"))
-            .arg(pairs)
-            .arg(threads);
-        if let Some(encoder) = encoder {
-            command.arg(encoder).arg(LAYER.to_string());
-        }
-        let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null()).spawn()?;
-        let replies = BufReader::new(child.stdout.take().ok_or("no output")?);
-        let mut peer = Self { child, replies };
-        println!("peer: {}", peer.reply()?.trim());
-        Ok(peer)
-    }
-
-    fn reply(&mut self) -> Result<String, Box<dyn Error>> {
-        let mut line = String::new();
-        if self.replies.read_line(&mut line)? == 0 {
-            return Err("it did not start; see benches/peers/requirements.txt".into());
-        }
-        Ok(line)
-    }
-
-    fn run(&mut self, task: &str) -> Result<(f64, f64), Box<dyn Error>> {
-        writeln!(self.child.stdin.as_mut().ok_or("no input")?, "{task}")?;
-        let line = self.reply()?;
-        let (secs, score) = line.trim().split_once(' ').ok_or("unreadable reply")?;
-        Ok((secs.parse()?, score.parse()?))
-    }
-}
-
-impl Drop for Peer {
-    fn drop(&mut self) {
-        // Closing its input ends it.
-        drop(self.child.stdin.take());
-        let _ = self.child.wait();
-    }
 }
