@@ -15,9 +15,9 @@ use crate::manifest::{RunKey, SkippedInput};
 use crate::plausibility::{
     PropSupport, Score, inverse_scores, kinematic_scores, prop_supports, rollout_scores,
 };
-use crate::recording::{Recorder, RecordingError, RecordingHeader, RecordingSummary};
+use crate::recording::{Recorder, Recording, RecordingError, RecordingHeader};
 use crate::report::{Candidate, CaseResult, LevelResult};
-use crate::simulation::{Event, Level, Observer, Outcome, Rollout, RolloutSample, Simulation};
+use crate::simulation::{Level, Outcome, Rollout, Simulation};
 
 /// What all cases of a run share.
 pub(super) struct CaseContext<'a> {
@@ -160,7 +160,7 @@ fn evaluate(context: &CaseContext<'_>, sample: &Sample, candidates: &[Candidate]
                     add_scores(&mut result, &scores, &mut failures);
                 }
                 Ok(simulation) => {
-                    let recording = Recording::start(context, sample, &humanoid, level);
+                    let recording = CaseRecording::start(context, sample, &humanoid, level);
                     let rollout =
                         simulated_level(&mut result, simulation, &humanoid, recording, &mut failures);
                     if let (Level::L2, Some(meaning), Some(rollout)) = (level, &meaning, &rollout) {
@@ -193,11 +193,11 @@ fn simulated_level(
     result: &mut LevelResult,
     simulation: &Simulation<'_>,
     humanoid: &Humanoid,
-    mut recording: Recording,
+    mut recording: CaseRecording,
     failures: &mut Vec<String>,
 ) -> Option<Rollout> {
     let level = result.level;
-    let rollout = match simulation.run_under(level, &simulation.undisturbed(), &mut recording) {
+    let rollout = match simulation.run_under(level, &simulation.undisturbed(), &mut recording.recording) {
         Ok(rollout) => rollout,
         Err(error) => {
             failures.push(format!("{level}: {error}"));
@@ -229,19 +229,18 @@ pub(super) fn add_scores(result: &mut LevelResult, scores: &[Score], failures: &
     }
 }
 
-/// A recording that may be switched off or have failed; the first error is kept until the end of the rollout.
-struct Recording {
+/// The recording of a rollout, started where there is to be one.
+struct CaseRecording {
     /// Path inside the run folder.
     path: String,
-    recorder: Option<Recorder>,
-    error: Option<RecordingError>,
+    recording: Recording,
 }
 
-impl Recording {
+impl CaseRecording {
     fn start(context: &CaseContext<'_>, sample: &Sample, humanoid: &Humanoid, level: Level) -> Self {
         let path = RunFolder::recording(&sample.id, level);
         if !context.settings.recordings {
-            return Self { path, recorder: None, error: None };
+            return Self { path, recording: Recording::none() };
         }
         let simulation = &context.settings.simulation;
         let header = RecordingHeader {
@@ -253,20 +252,8 @@ impl Recording {
             metadata: &context.metadata,
             sample_interval_secs: simulation.steps_per_sample() as f64 * simulation.dt_secs,
         };
-        match Recorder::replace(&context.folder.path().join(&path), &header) {
-            Ok(recorder) => Self { path, recorder: Some(recorder), error: None },
-            Err(error) => Self { path, recorder: None, error: Some(error) },
-        }
-    }
-
-    /// Writes on, unless something went wrong before.
-    fn write(&mut self, write: impl FnOnce(&mut Recorder) -> Result<(), RecordingError>) {
-        if let Some(recorder) = &mut self.recorder
-            && let Err(error) = write(recorder)
-        {
-            self.recorder = None;
-            self.error = Some(error);
-        }
+        let recorder = Recorder::replace(&context.folder.path().join(&path), &header);
+        Self { path, recording: Recording::new(recorder) }
     }
 
     /// Closes the recording; its path, or nothing when there was to be none.
@@ -276,24 +263,10 @@ impl Recording {
         result: &LevelResult,
         scores: &[Score],
     ) -> Result<Option<String>, RecordingError> {
-        if let Some(error) = self.error {
-            return Err(error);
-        }
-        let Some(recorder) = self.recorder else { return Ok(None) };
         // Finite numbers and strings always have a JSON form.
-        let result_json = serde_json::to_string_pretty(result).unwrap_or_default();
-        recorder.finish(rollout, &RecordingSummary { result_json: &result_json, scores })?;
-        Ok(Some(self.path))
-    }
-}
-
-impl Observer for Recording {
-    fn sample(&mut self, sample: &RolloutSample) {
-        self.write(|recorder| recorder.sample(sample));
-    }
-
-    fn event(&mut self, event: &Event) {
-        self.write(|recorder| recorder.event(event));
+        let result_json = || serde_json::to_string_pretty(result).unwrap_or_default();
+        let is_written = self.recording.finish(rollout, result_json, scores)?;
+        Ok(is_written.then_some(self.path))
     }
 }
 

@@ -28,6 +28,7 @@ mod metrics;
 mod recorder;
 #[cfg(feature = "rerun")]
 mod rerun;
+mod rollout;
 mod schemas;
 mod topics;
 mod view;
@@ -37,6 +38,7 @@ pub use self::rerun::{RerunTarget, rerun_view};
 pub use frames::{BASE_FRAME, REFERENCE_PREFIX, ROOT_ALIGNED_FRAME, WORLD_FRAME};
 pub use metrics::{SAMPLE_METRICS, SampleMetric};
 pub use recorder::{Recorder, RecordingHeader, RecordingSummary};
+pub use rollout::Recording;
 pub use view::{ViewCommand, view_commands};
 
 use std::path::PathBuf;

@@ -11,9 +11,9 @@ use crate::harness::{self, RunSettings};
 use crate::humanoid::Humanoid;
 use crate::manifest::VERSION;
 use crate::motion::Motion;
-use crate::plausibility::{Score, rollout_scores};
-use crate::recording::{Recorder, RecordingError, RecordingHeader, RecordingSummary};
-use crate::simulation::{ENGINE_VERSION, Event, Level, Observer, Outcome, RolloutSample, Simulation};
+use crate::plausibility::rollout_scores;
+use crate::recording::{Recorder, Recording, RecordingHeader};
+use crate::simulation::{ENGINE_VERSION, Level, Outcome, Simulation};
 use crate::translation::{Search, Sentence, Translator, performed_motion};
 
 /// A simulator that passed its self-test.
@@ -26,7 +26,8 @@ pub(super) struct Performed {
     /// Its movement, until the end or the failure.
     motion: Motion,
     outcome: Outcome,
-    scores: Vec<Score>,
+    /// Scores of the rollout by key.
+    scores: BTreeMap<&'static str, f64>,
 }
 
 /// What the humanoid did, and what that says.
@@ -76,21 +77,16 @@ impl Stage {
             metadata: &metadata,
             sample_interval_secs: settings.steps_per_sample() as f64 * settings.dt_secs,
         };
-        let recorder = path.map(|path| Recorder::replace(path, &header)).transpose()?;
-        let mut recording = Recording { recorder, error: None };
+        let mut recording =
+            path.map_or_else(Recording::none, |path| Recording::new(Recorder::replace(path, &header)));
         let rollout = simulation.run_under(Level::L2, &simulation.undisturbed(), &mut recording)?;
         let scores = rollout_scores(&humanoid, &rollout);
-        if let Some(error) = recording.error {
-            return Err(error.into());
-        }
-        if let Some(recorder) = recording.recorder {
-            let values: BTreeMap<&str, f64> =
-                scores.iter().map(|score| (score.metric.key, score.value)).collect();
-            let result_json = serde_json::to_string_pretty(&values)?;
-            recorder.finish(&rollout, &RecordingSummary { result_json: &result_json, scores: &scores })?;
-        }
+        let scores_by_key: BTreeMap<&'static str, f64> =
+            scores.iter().map(|score| (score.metric.key, score.value)).collect();
+        let result_json = serde_json::to_string_pretty(&scores_by_key)?;
+        recording.finish(&rollout, || result_json, &scores)?;
         let motion = performed_motion(motion, &rollout)?;
-        Ok(Performed { motion, outcome: rollout.outcome, scores })
+        Ok(Performed { motion, outcome: rollout.outcome, scores: scores_by_key })
     }
 }
 
@@ -103,7 +99,7 @@ impl Performed {
             read_back: translator
                 .describe(&self.motion, search)
                 .map_or_else(|_| Vec::new(), |it| it.sentences),
-            scores: self.scores.iter().map(|score| (score.metric.key, score.value)).collect(),
+            scores: self.scores,
         }
     }
 }
@@ -139,32 +135,5 @@ impl Performance {
             );
         }
         text
-    }
-}
-
-/// A recording that may be switched off; the first error is kept.
-struct Recording {
-    recorder: Option<Recorder>,
-    error: Option<RecordingError>,
-}
-
-impl Recording {
-    fn write(&mut self, write: impl FnOnce(&mut Recorder) -> Result<(), RecordingError>) {
-        if let Some(recorder) = &mut self.recorder
-            && let Err(error) = write(recorder)
-        {
-            self.recorder = None;
-            self.error = Some(error);
-        }
-    }
-}
-
-impl Observer for Recording {
-    fn sample(&mut self, sample: &RolloutSample) {
-        self.write(|recorder| recorder.sample(sample));
-    }
-
-    fn event(&mut self, event: &Event) {
-        self.write(|recorder| recorder.event(event));
     }
 }
