@@ -1,19 +1,15 @@
 //! Progress of a training run on standard error: a bar where a person watches, plain lines where not.
 
-use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
-
+use crate::cli::progress::Screen;
 use crate::training::{Event, Iteration, LossValues, Plan, Stage, Validation};
 
 /// Time between plain lines.
 const PLAIN_EVERY: Duration = Duration::from_secs(10);
 
 pub(super) struct Display {
-    quiet: bool,
-    /// `None` where nobody watches.
-    bar: Option<ProgressBar>,
+    screen: Screen,
     plan: Option<Plan>,
     started: Instant,
     first: usize,
@@ -22,16 +18,7 @@ pub(super) struct Display {
 
 impl Display {
     pub(super) fn new(quiet: bool) -> Self {
-        let watched = !quiet && std::io::stderr().is_terminal();
-        let bar = watched.then(|| {
-            let bar = ProgressBar::no_length();
-            match ProgressStyle::with_template("{bar:24} {pos}/{len}  {elapsed} so far  {wide_msg}") {
-                Ok(style) => bar.with_style(style),
-                // The template is fixed and valid; without it the bar would only look different.
-                Err(_) => bar,
-            }
-        });
-        Self { quiet, bar, plan: None, started: Instant::now(), first: 0, told: None }
+        Self { screen: Screen::new(quiet), plan: None, started: Instant::now(), first: 0, told: None }
     }
 
     pub(super) fn observe(&mut self, event: &Event<'_>) {
@@ -40,7 +27,7 @@ impl Display {
                 self.plan = Some(*plan);
                 self.first = *done;
                 self.started = Instant::now();
-                if let Some(bar) = &self.bar {
+                if let Some(bar) = &self.screen.bar {
                     bar.set_length(plan.total() as u64);
                     bar.set_position(*done as u64);
                 }
@@ -67,7 +54,7 @@ impl Display {
         let left = (plan.total() - iteration.iteration) as f64 / rate;
         let stage = if iteration.stage == Stage::One { 1 } else { 2 };
         let state = format!("stage {stage}  {}  {rate:.2} /s  {} left", losses(&iteration.loss), clock(left));
-        if let Some(bar) = &self.bar {
+        if let Some(bar) = &self.screen.bar {
             bar.set_position(iteration.iteration as u64);
             bar.set_message(state);
         } else if self.told.is_none_or(|told| told.elapsed() >= PLAIN_EVERY) {
@@ -78,18 +65,12 @@ impl Display {
 
     /// Prints a line, above the bar if there is one.
     pub(super) fn line(&self, text: &str) {
-        match &self.bar {
-            Some(bar) => bar.println(text),
-            None if self.quiet => {}
-            None => eprintln!("{text}"),
-        }
+        self.screen.line(text);
     }
 
     /// Clears the bar.
     pub(super) fn finish(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
+        self.screen.finish();
     }
 }
 

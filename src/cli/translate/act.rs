@@ -109,25 +109,22 @@ impl<'s, 'a> Actor<'s, 'a> {
         let fine = upsampled(motion, args.out_rate)?;
         let read_back =
             if args.round_trip { translator.describe(motion, &search)?.sentences } else { Vec::new() };
-        let mut files = Vec::new();
-        for target in targets {
-            if let Some(path) = target.motion_file(made.id.as_deref(), number)
-                && !write::is_recording(&path)
-            {
-                let name = made.id.as_deref().unwrap_or(&made.caption);
-                write::motion(&path, &fine, name, &made.caption)?;
-                files.push(path.display().to_string());
+        let places: Vec<_> =
+            targets.iter().filter_map(|target| target.motion_file(made.id.as_deref(), number)).collect();
+        // One at most, written while the humanoid performs.
+        let recording = places.iter().find(|path| write::is_recording(path));
+        for path in places.iter().filter(|path| Some(*path) != recording) {
+            let name = made.id.as_deref().unwrap_or(&made.caption);
+            write::motion(path, &fine, name, &made.caption)?;
+        }
+        let performed = match &self.stage {
+            Some(stage) => {
+                let performance = stage.perform(&fine, &made.caption, recording.map(|path| &**path))?;
+                Some(performance.read_back(translator, &search))
             }
-        }
-        let mut performed = None;
-        if let Some(stage) = &self.stage {
-            let recordings =
-                targets.iter().filter_map(|target| target.motion_file(made.id.as_deref(), number));
-            let recordings: Vec<_> = recordings.filter(|path| write::is_recording(path)).collect();
-            let performance = stage.perform(&fine, &made.caption, recordings.first().map(|path| &**path))?;
-            files.extend(recordings.iter().map(|path| path.display().to_string()));
-            performed = Some(performance.read_back(translator, &search));
-        }
+            None => None,
+        };
+        let files = places.iter().map(|path| path.display().to_string()).collect();
         let (travel_m, turn_deg) = way(motion);
         Ok(MotionRecord {
             duration_secs: motion.duration_secs(),

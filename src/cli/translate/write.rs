@@ -87,10 +87,13 @@ pub(super) fn targets(args: &TranslateArgs) -> anyhow::Result<Vec<Target>> {
         if let Some(there) = files.iter().find(|file| file.exists() && !args.overwrite) {
             return Err(anyhow!("write {}: it is there already; --overwrite replaces it", there.display()));
         }
-        let is_second = |of: &dyn Fn(&Target) -> bool| of(&target) && targets.iter().any(of);
-        if is_second(&|target| matches!(target, Target::Folder(_)))
-            || is_second(&|target| matches!(target, Target::Motion(path) if is_recording(path)))
-        {
+        // Recordings are of one sentence, folders of a file of them, so the two do not meet.
+        let is_single = |target: &Target| match target {
+            Target::Folder(_) => true,
+            Target::Motion(path) => is_recording(path),
+            Target::Lines(_) => false,
+        };
+        if is_single(&target) && targets.iter().any(is_single) {
             return refuse("one recording and one folder are written at most");
         }
         targets.push(target);
