@@ -291,19 +291,25 @@ impl Shape {
 #[test]
 fn a_decoder_of_three_layers_has_the_gradients_of_its_values() {
     let shape = Shape { hidden: vec![4, 3, 5], feature: 2, outputs: 2, words: false };
-    LENGTH_MIXES.iter().for_each(|lengths| shape.check(lengths));
+    for lengths in LENGTH_MIXES {
+        shape.check(lengths);
+    }
 }
 
 #[test]
 fn a_decoder_of_one_layer_has_the_gradients_of_its_values() {
     let shape = Shape { hidden: vec![6], feature: 5, outputs: 5, words: false };
-    LENGTH_MIXES.iter().for_each(|lengths| shape.check(lengths));
+    for lengths in LENGTH_MIXES {
+        shape.check(lengths);
+    }
 }
 
 #[test]
 fn a_decoder_of_words_has_the_gradients_of_its_values() {
     for hidden in [vec![5], vec![4, 3]] {
         let shape = Shape { hidden, feature: 3, outputs: 7, words: true };
-        LENGTH_MIXES.iter().for_each(|lengths| shape.check(lengths));
+        for lengths in LENGTH_MIXES {
+        shape.check(lengths);
+    }
     }
 }

@@ -1,4 +1,6 @@
-//! Values and gradients against those of PyTorch in double precision, `tests/golden/recurrent.json` of the workspace.
+//! Values and gradients against those of `PyTorch` in double precision, `tests/golden/recurrent.json` of the workspace.
+
+#![expect(clippy::unwrap_used, reason = "a test that is surprised should stop at once")]
 
 use rprae_recurrent::{
     ClosedLoop, Decoder, Direction, Feedback, Instructions, LayerWeights, Plan, Projection, Sequence, State,
