@@ -268,11 +268,14 @@ impl<T: Number> Kernel<T> for StepBack<'_, T> {
             let d_hidden = above.map_or(hidden[row], |above| s.add(above[row], hidden[row]));
             let d_tanh = s.mul(d_hidden, o);
             let d_cell = s.add(s.mul(d_tanh, s.sub(one, s.mul(tanh, tanh))), cell[row]);
-            gates[0] = s.mul(s.mul(d_cell, g), s.mul(i, s.sub(one, i)));
-            gates[1] = s.mul(s.mul(d_cell, previous[row]), s.mul(f, s.sub(one, f)));
-            gates[2] = s.mul(s.mul(d_cell, i), s.sub(one, s.mul(g, g)));
-            gates[3] = s.mul(s.mul(d_hidden, tanh), s.mul(o, s.sub(one, o)));
-            cell[row] = s.mul(d_cell, f);
+            let gradients = [
+                s.mul(s.mul(d_cell, g), s.mul(i, s.sub(one, i))),
+                s.mul(s.mul(d_cell, previous[row]), s.mul(f, s.sub(one, f))),
+                s.mul(s.mul(d_cell, i), s.sub(one, s.mul(g, g))),
+                s.mul(s.mul(d_hidden, tanh), s.mul(o, s.sub(one, o))),
+            ];
+            gates.copy_from_slice(&gradients.map(|gradient| s.without_least(gradient)));
+            cell[row] = s.without_least(s.mul(d_cell, f));
         }
     }
 }

@@ -22,12 +22,15 @@ pub struct State<T> {
 /// Multiplications worth sending to another thread.
 const WORTH_SHARING: usize = 1 << 16;
 
+/// Portions of a shared step for each thread: the one that is done first takes from the other.
+const PORTIONS: usize = 4;
+
 /// The fewest of `tasks` equal tasks that one thread should take.
 pub(crate) fn share(tasks: usize, multiplications: usize) -> usize {
     if multiplications < WORTH_SHARING {
         tasks.max(1)
     } else {
-        tasks.div_ceil(rayon::current_num_threads()).max(1)
+        tasks.div_ceil(PORTIONS * rayon::current_num_threads()).max(1)
     }
 }
 

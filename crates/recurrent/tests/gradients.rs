@@ -309,7 +309,7 @@ fn a_decoder_of_words_has_the_gradients_of_its_values() {
     for hidden in [vec![5], vec![4, 3]] {
         let shape = Shape { hidden, feature: 3, outputs: 7, words: true };
         for lengths in LENGTH_MIXES {
-        shape.check(lengths);
-    }
+            shape.check(lengths);
+        }
     }
 }
