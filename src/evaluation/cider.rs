@@ -10,7 +10,7 @@ use std::collections::HashMap;
 
 use super::corpus::Corpus;
 use super::measurement::Measurement;
-use super::ngrams::{MAX_ORDER, Numbered, NumberedSegment, count_of, counts};
+use super::ngrams::{MAX_ORDER, Ngram, Numbered, NumberedSegment, count_of, counts, ngrams};
 use super::signature::Signature;
 use super::tokens::Tokenization;
 
@@ -64,7 +64,7 @@ impl Cider {
         Measurement::of_values(key, signature.with("v", 1), values)
     }
 
-    fn segment(self, segment: &NumberedSegment, frequencies: &Frequencies<'_>) -> f64 {
+    fn segment(self, segment: &NumberedSegment, frequencies: &Frequencies) -> f64 {
         let hypothesis = frequencies.sentence(&segment.hypothesis);
         let sum: f64 = segment
             .references
@@ -75,7 +75,7 @@ impl Cider {
     }
 
     /// Sum over n of the cosine between two sentences.
-    fn similarity(self, hypothesis: &[Vector<'_>; MAX_ORDER], reference: &[Vector<'_>; MAX_ORDER]) -> f64 {
+    fn similarity(self, hypothesis: &[Vector; MAX_ORDER], reference: &[Vector; MAX_ORDER]) -> f64 {
         let cosines = hypothesis.iter().zip(reference).map(|(ours, theirs)| {
             let dot: f64 = ours
                 .counts
@@ -106,44 +106,44 @@ impl Cider {
 }
 
 /// A sentence's n-grams of one length.
-struct Vector<'a> {
-    counts: Vec<(&'a [u32], u32)>,
+struct Vector {
+    counts: Vec<(Ngram, u32)>,
     /// ln(N / df) of every n-gram in `counts`.
     weights: Vec<f64>,
     norm: f64,
 }
 
-impl Vector<'_> {
+impl Vector {
     fn num_ngrams(&self) -> f64 {
         self.counts.iter().map(|&(_, count)| f64::from(count)).sum()
     }
 }
 
 /// In how many segments n-grams occur.
-struct Frequencies<'a> {
+struct Frequencies {
     log_num_segments: f64,
-    num_segments_with: HashMap<&'a [u32], u32>,
+    num_segments_with: HashMap<Ngram, u32>,
 }
 
-impl<'a> Frequencies<'a> {
-    fn new(corpus: &'a Numbered) -> Self {
-        let mut num_segments_with: HashMap<&[u32], u32> = HashMap::new();
-        let mut ngrams: Vec<&[u32]> = Vec::new();
+impl Frequencies {
+    fn new(corpus: &Numbered) -> Self {
+        let mut num_segments_with: HashMap<Ngram, u32> = HashMap::new();
+        let mut present: Vec<Ngram> = Vec::new();
         for segment in &corpus.segments {
-            ngrams.clear();
+            present.clear();
             for words in &segment.references {
-                ngrams.extend((1..=MAX_ORDER).flat_map(|order| words.windows(order)));
+                present.extend((1..=MAX_ORDER).flat_map(|order| ngrams(words, order)));
             }
-            ngrams.sort_unstable();
-            ngrams.dedup();
-            for ngram in &ngrams {
+            present.sort_unstable();
+            present.dedup();
+            for ngram in &present {
                 *num_segments_with.entry(*ngram).or_default() += 1;
             }
         }
         Self { log_num_segments: (corpus.segments.len() as f64).ln(), num_segments_with }
     }
 
-    fn sentence<'b>(&self, words: &'b [u32]) -> [Vector<'b>; MAX_ORDER] {
+    fn sentence(&self, words: &[u32]) -> [Vector; MAX_ORDER] {
         std::array::from_fn(|index| {
             let counts = counts(words, index + 1);
             let weights: Vec<f64> = counts

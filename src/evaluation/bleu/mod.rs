@@ -9,6 +9,8 @@
 
 mod precision;
 
+use rayon::prelude::*;
+
 use super::corpus::Corpus;
 use super::measurement::{Combine, Measurement, Statistics};
 use super::ngrams::{MAX_ORDER, Numbered, NumberedSegment, count_of, counts};
@@ -110,7 +112,7 @@ impl Bleu {
         let nltk = !self.smoothing.is_sacrebleu();
         let rows: Vec<[f64; WIDTH]> = Numbered::new(corpus, self.tokenization)
             .segments
-            .iter()
+            .par_iter()
             .map(|segment| statistics(segment, nltk))
             .collect();
         let statistics = Statistics::of_rows(&rows);
@@ -149,7 +151,7 @@ fn statistics(segment: &NumberedSegment, nltk: bool) -> [f64; WIDTH] {
     let closest = segment
         .references
         .iter()
-        .map(Vec::len)
+        .map(|reference| reference.len())
         .min_by_key(|&other| (other.abs_diff(length), other))
         .unwrap_or_default();
     let mut row = [0.0; WIDTH];
