@@ -258,7 +258,9 @@ impl<S: Simd> Lanes<f32> for Wide<S> {
     #[inline(always)]
     fn without_least(self, a: Self::V) -> Self::V {
         let s = self.0;
-        let is_least = s.less_than_f32s(s.abs_f32s(a), s.splat_f32s(f32::LEAST));
+        // The greater of a number and its opposite: its magnitude, without instructions that AVX-512 has in an extension only.
+        let magnitude = s.max_f32s(a, s.sub_f32s(s.splat_f32s(0.0), a));
+        let is_least = s.less_than_f32s(magnitude, s.splat_f32s(f32::LEAST));
         s.select_f32s(is_least, s.splat_f32s(0.0), a)
     }
 }
