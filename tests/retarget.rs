@@ -225,6 +225,23 @@ fn mirrored_positions_are_turned_round() {
     assert!(back.quality.flipped.is_empty());
 }
 
+#[test]
+fn a_body_below_the_floor_is_raised_onto_it_and_one_in_the_air_is_not_pulled_down() {
+    let motion = bundled("90001");
+    let moved = |up: f64| {
+        let positions = kit_positions(&motion).into_iter().map(|[x, y, z]| [x, y + up, z]).collect();
+        let clip = PositionOrder::KitMl.clip(positions, Some(motion.rate_hz())).unwrap();
+        retarget(&clip, &recognise(&clip).unwrap(), &RetargetOptions::default()).unwrap()
+    };
+    let told = |back: &Retargeted, what: &str| back.notes.iter().any(|note| note.contains(what));
+    let raised = moved(-0.7);
+    assert!(told(&raised, "below every floor"), "{:?}", raised.notes);
+    assert!(raised.quality.stance_height_m.unwrap()[1] < 0.02, "{:?}", raised.quality.stance_height_m);
+    let floating = moved(0.7);
+    assert!(told(&floating, "moved by -150 mm only"), "{:?}", floating.notes);
+    assert!(floating.quality.stance_height_m.is_none_or(|height| height[0] > 0.4));
+}
+
 /// The humanoid as BVH: its chains act x, z, y, so its own angles are the channels.
 fn bvh(motion: &Motion, num_frames: usize) -> String {
     let humanoid = Humanoid::new(motion.body()).unwrap();

@@ -133,21 +133,49 @@ pub fn retarget(
     let mut body = Body::with_default_mass(source.height_m);
     body.mass_kg = options.mass_kg.unwrap_or(body.mass_kg);
     let humanoid = Humanoid::new(body)?;
-    let mut plan = Plan::new(&humanoid, &source, correspondence, &proportions);
-    let poses = track::track(&humanoid, &source, &mut plan);
-    let motion = motion_of(&humanoid, &poses, rate_hz)?;
-    // An arm that circles changes sides somewhere (see `track`): the change is spread over some frames.
-    let (motion, jumps) = crate::motion::filter_jumps(&motion);
+    let plan = Plan::new(&humanoid, &source, correspondence, &proportions);
+    let Attempt { motion, jumps, quality } = best_attempt(&humanoid, &source, &plan, rate_hz)?;
     if let Some(note) = jump_note(&jumps) {
         notes.push(note);
     }
-    let quality = Quality::of(&humanoid, &motion, &source, &plan);
     if quality.pose_median_m.is_nan() || quality.pose_median_m > LARGEST_RESIDUAL_M {
         return Err(RetargetError::Residual { residual_m: quality.pose_median_m });
     }
     notes.extend(source.notes);
     notes.extend(plan.notes.iter().cloned());
     Ok(Retargeted { motion, quality, skeleton: correspondence.name.clone(), notes })
+}
+
+/// A clip solved one way.
+struct Attempt {
+    motion: Motion,
+    jumps: Vec<Jump>,
+    quality: Quality,
+}
+
+/// The first attempt without a flipped limb, or that with the fewest.
+fn best_attempt(
+    humanoid: &Humanoid,
+    source: &Source,
+    plan: &Plan,
+    rate_hz: f64,
+) -> Result<Attempt, MotionError> {
+    let mut best: Option<Attempt> = None;
+    for worthwhile in track::Worthwhile::ALL {
+        let mut plan = plan.clone();
+        let poses = track::track(humanoid, source, &mut plan, worthwhile);
+        // An arm that circles changes sides somewhere (see `track`): the change is spread over some frames.
+        let (motion, jumps) = crate::motion::filter_jumps(&motion_of(humanoid, &poses, rate_hz)?);
+        let quality = Quality::of(humanoid, &motion, source, &plan);
+        let flipped = quality.flipped.len();
+        if best.as_ref().is_none_or(|best| flipped < best.quality.flipped.len()) {
+            best = Some(Attempt { motion, jumps, quality });
+        }
+        if flipped == 0 {
+            break;
+        }
+    }
+    best.ok_or(MotionError::Empty)
 }
 
 /// How many jumps were spread, and where most of them were.

@@ -34,7 +34,8 @@ const NOT_STANDING_RAD: f64 = 0.8;
 /// Largest difference between the heights of the two ankles in stance that is taken for a matter of the source's feet;
 /// a larger one is a step of the floor, metres.
 const LARGEST_STEP_M: f64 = 0.05;
-/// Largest vertical distance by which a clip is moved to stand on the floor, metres.
+/// Largest distance by which a clip is lowered to stand on the floor, metres: beyond it, it may hang or climb.
+/// Raised it is by any distance, since nobody stands below the floor.
 pub(super) const LARGEST_GROUND_SHIFT_M: f64 = 0.15;
 
 /// A direction between two joint centres, matched by one of our segments.
@@ -114,6 +115,7 @@ const AXIS_WEIGHTS: [[f64; 2]; NUM_ORIENTED] = [
 ];
 
 /// The tasks of one source and how to fill their targets.
+#[derive(Clone)]
 pub(super) struct Plan {
     pub tasks: Vec<Task>,
     bones: Vec<(usize, f64)>,
@@ -227,13 +229,19 @@ impl Plan {
         let common = (left + right) / 2.0;
         let is_step = (left - right).abs() > LARGEST_STEP_M;
         let shift = self.ankle_height_m - if is_step { left.min(right) } else { common };
-        let bounded = shift.clamp(-LARGEST_GROUND_SHIFT_M, LARGEST_GROUND_SHIFT_M);
+        let bounded = shift.max(-LARGEST_GROUND_SHIFT_M);
         if bounded != shift {
             self.notes.push(format!(
                 "the ankles stand at {:.0} mm, ours at {:.0} mm; the clip is moved by {:+.0} mm only",
                 1e3 * (self.ankle_height_m - shift),
                 1e3 * self.ankle_height_m,
                 1e3 * bounded
+            ));
+        } else if shift > LARGEST_GROUND_SHIFT_M {
+            self.notes.push(format!(
+                "the ankles stand at {:.0} mm, below every floor; the clip is raised by {:.0} mm",
+                1e3 * (self.ankle_height_m - shift),
+                1e3 * shift
             ));
         }
         self.source_ankle_m = self.ankle_height_m - bounded;

@@ -23,8 +23,6 @@ const TRACK_STEPS: usize = 12;
 const SWEEP_STEPS: usize = 3;
 /// An upper arm this far from its direction looks for another way, radians,
 const ESCAPE_RAD: f64 = 0.6;
-/// which must cost this share of the present one at most,
-const ESCAPE_GAIN: f64 = 0.5;
 /// and then keeps it for this time, seconds.
 const ESCAPE_PAUSE_SECS: f64 = 0.3;
 const ESCAPE_STEPS: usize = 12;
@@ -32,8 +30,36 @@ const NUM_SWEEPS: usize = 4;
 /// Neighbours that differ by this much in some angle do the same in different ways, radians.
 const OTHER_WAY_RAD: f64 = 0.3;
 
+/// How much better another way must be for an arm to take it.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Worthwhile {
+    /// It costs less by this, square metres; a bone that is turned by 60 degrees costs 0.09.
+    Less(f64),
+    /// It costs at most this share.
+    Share(f64),
+}
+
+impl Worthwhile {
+    /// In the order in which they are tried: no one of them frees the arms of every clip.
+    pub(super) const ALL: [Self; 4] =
+        [Self::Less(0.03), Self::Share(0.5), Self::Less(0.06), Self::Less(0.015)];
+
+    /// The cost below which another way is taken.
+    fn limit(self, cost: f64) -> f64 {
+        match self {
+            Self::Less(by) => cost - by,
+            Self::Share(share) => share * cost,
+        }
+    }
+}
+
 /// Solves all frames; returns poses in tree order.
-pub(super) fn track(humanoid: &Humanoid, source: &Source, plan: &mut Plan) -> Vec<Pose> {
+pub(super) fn track(
+    humanoid: &Humanoid,
+    source: &Source,
+    plan: &mut Plan,
+    worthwhile: Worthwhile,
+) -> Vec<Pose> {
     let tasks = plan.tasks.clone();
     let mut solver = Solver::new(humanoid, &tasks);
     let mut targets: Vec<Target> = Vec::with_capacity(plan.tasks.len());
@@ -59,7 +85,7 @@ pub(super) fn track(humanoid: &Humanoid, source: &Source, plan: &mut Plan) -> Ve
                 let cost = solver.solve(&mut pose, &targets, &prior, TRACK_STEPS);
                 if index >= next_escape {
                     for escape in &escapes {
-                        if escape.attempt(&mut solver, &mut pose, cost, &targets, &rest) {
+                        if escape.attempt(&mut solver, &mut pose, worthwhile.limit(cost), &targets, &rest) {
                             next_escape = index + escape_pause;
                         }
                     }
@@ -146,12 +172,13 @@ impl Escape {
             .collect()
     }
 
-    /// Tries other starts when the arm points far off; the best that is clearly better is taken; whether one was is returned.
+    /// Tries other starts when the arm points far off; the best that costs less than `limit` is taken; whether one was is
+    /// returned.
     fn attempt(
         &self,
         solver: &mut Solver<'_>,
         pose: &mut Pose,
-        cost: f64,
+        limit: f64,
         targets: &[Target],
         rest: &Prior,
     ) -> bool {
@@ -160,7 +187,7 @@ impl Escape {
         if target.weight <= 0.0 || direction.angle(&target.value) < ESCAPE_RAD {
             return false;
         }
-        let (mut best, mut least) = (None, ESCAPE_GAIN * cost);
+        let (mut best, mut least) = (None, limit);
         for x in [-0.5, 1.0, 2.5] {
             for z in [-0.7, 0.3] {
                 for y in [0.3, 1.3, 2.3] {
