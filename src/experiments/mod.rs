@@ -41,7 +41,7 @@ pub use grid::{Cell, Grid, GridError, Role};
 pub use held_out::HeldOut;
 pub use pictures::{captions, pictures};
 pub use poses::{HEIGHT_M, humanoid, in_heading_frame};
-pub use records::{REFERENCES, GridRecord, Judge, RowRecord, ScoreRecord, record, samples};
+pub use records::{GridRecord, Judge, REFERENCES, RowRecord, ScoreRecord, record, samples};
 pub use run::{CELLS, CellError, cell_folder, check_cell, is_trained, load_cell, train_cell};
 pub use score::{Described, Outcome, Performed, ScoreError, score};
 pub use tables::tables;

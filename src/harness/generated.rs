@@ -225,7 +225,8 @@ mod tests {
         let (language, settings) = (language(), settings(1));
         let source = Generated::new(None, sentences(&["word0004"]), "made".to_owned(), &language, &settings);
         let (sample, _) = source.load_chosen(0).unwrap();
-        let read = |caption: &str| language.read_back(&sample.motion, &[caption.to_owned()]).unwrap().unwrap();
+        let read =
+            |caption: &str| language.read_back(&sample.motion, &[caption.to_owned()]).unwrap().unwrap();
         let plain = read("word0004 word0005 word0006");
         assert_eq!(read("Word0004, word0005 word0006."), plain);
         assert!(plain.bleu.is_finite());
