@@ -4,6 +4,7 @@
 
 use std::path::Path;
 
+use rprae::evaluation::Clusters;
 use rprae::evaluation::motion::{
     Covariance, Embeddings, PoseComparison, Poses, Retrieval, diversity, frechet_distance,
 };
@@ -40,7 +41,7 @@ fn distances_of_distributions_are_those_of_scipy() {
     let (few, few_other) =
         (embeddings(12, 16, sine(3.0)), embeddings(12, 16, |place| 0.5 * sine(4.0)(place)));
     close(frechet_distance(&few, &few_other, Covariance::LedoitWolf), &golden["fid_ledoit_wolf"], 1e-6);
-    close(diversity(&many, "", "").unwrap().value, &golden["diversity"], 1e-9);
+    close(diversity(&many, &Clusters::singles(60), "", "").unwrap().value, &golden["diversity"], 1e-9);
 }
 
 #[test]

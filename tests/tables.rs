@@ -146,13 +146,87 @@ fn a_grid_in_parts_is_the_grid_in_one() {
     // Four kinds of models, two seeds, twelve motions with a caption each.
     assert_eq!(samples.lines().count(), 4 * 2 * (12 + 12));
 
-    // The model of a cell can be scored on its own.
-    let cell = "whole/cells/paired-all_nonpaired-0_seed-1_fold-0/bundle";
-    let args = ["evaluate", "--bundle", cell, "--prepared", "prepared", "--out", "scores"];
-    let output = command(folder, &args).output().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-    let text = String::from_utf8(output.stdout).unwrap();
+    results_are_replaced_only_when_asked(folder);
+    a_model_is_scored_on_what_was_kept_from_it(folder);
+}
+
+fn results_are_replaced_only_when_asked(folder: &Path) {
+    let call = |args: &[&str]| {
+        let base = ["tables", "--grid", "grid.toml", "--device", "cpu", "--out", "whole"];
+        let output = command(folder, &[&base[..], args].concat()).output().unwrap();
+        let text = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+        (output.status.code(), text.concat())
+    };
+    let before = fs::read(folder.join("whole/scores.json")).unwrap();
+    let (code, message) = call(&[]);
+    assert!(code == Some(2) && message.contains("--overwrite"), "{message}");
+    assert!(fs::read(folder.join("whole/scores.json")).unwrap() == before);
+    assert!(message_of_a_shard(folder).contains("without --shard"));
+
+    // A set that moved is the same set, and encoders add their columns.
+    fs::rename(folder.join("prepared"), folder.join("moved")).unwrap();
+    fs::write(folder.join("grid.toml"), GRID.replace("prepared\"", "moved\"")).unwrap();
+    let encoder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/text/tiny_bert");
+    let encoder = encoder.to_str().unwrap();
+    let (code, text) = call(&["--overwrite", "--encoder", encoder, "--sentence-encoder", encoder]);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("| BERTScore P | R | F | cosine |"), "{text}");
+    assert!(text.contains("captions BERTScore F | captions cosine |"), "{text}");
+    let scores: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.join("whole/scores.json")).unwrap()).unwrap();
+    let keys: Vec<&str> = scores["rows"][1]["differences"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|one| one["key"].as_str().unwrap())
+        .collect();
+    assert!(keys.contains(&"bertscore-f") && keys.contains(&"cosine"), "{keys:?}");
+    fs::rename(folder.join("moved"), folder.join("prepared")).unwrap();
+    fs::write(folder.join("grid.toml"), GRID).unwrap();
+}
+
+/// What is said where a shard has nothing left to train.
+fn message_of_a_shard(folder: &Path) -> String {
+    String::from_utf8(tables(folder, &["--out", "whole", "--shard", "1/2"]).stdout).unwrap()
+}
+
+fn a_model_is_scored_on_what_was_kept_from_it(folder: &Path) {
+    let cell = |fold: usize| format!("whole/cells/paired-all_nonpaired-0_seed-1_fold-{fold}/bundle");
+    let config = |fold: usize| -> serde_json::Value {
+        serde_json::from_slice(&fs::read(folder.join(cell(fold)).join("config.json")).unwrap()).unwrap()
+    };
+    let learned = |fold: usize, id: &str| {
+        let motions = config(fold)["learned_from"]["motions"].as_array().unwrap().clone();
+        motions.iter().any(|motion| motion == id)
+    };
+    let evaluate = |fold: usize, args: &[&str]| {
+        let bundle = cell(fold);
+        let base =
+            ["evaluate", "--bundle", &bundle, "--prepared", "prepared", "--out", "scores", "--overwrite"];
+        let output = command(folder, &[&base[..], args].concat()).output().unwrap();
+        let text = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
+        (output.status.code(), text.concat())
+    };
+    // The test motions of the set are m10 and m11; other parts of the cross-validation learned from them.
+    let fold = (0..3).find(|&fold| learned(fold, "m10") || learned(fold, "m11")).unwrap();
+    let (code, message) = evaluate(fold, &[]);
+    assert!(
+        code == Some(2) && message.contains("learned from") && message.contains("--split train"),
+        "{message}"
+    );
+    let (code, text) = evaluate(fold, &["--split", "train"]);
+    assert!(code == Some(0) && text.contains("held out: no, the model learned from"), "{text}");
     assert!(text.contains("most frequent") && text.contains("r-precision-3"), "{text}");
+
+    // A bundle that does not say is scored, and it is said that nobody knows.
+    let path = folder.join(cell(fold)).join("config.json");
+    let mut old = config(fold);
+    old.as_object_mut().unwrap().remove("learned_from");
+    fs::write(&path, old.to_string()).unwrap();
+    let (code, text) = evaluate(fold, &[]);
+    assert!(code == Some(0) && text.contains("held out: not known"), "{text}");
+    let scores = fs::read_to_string(folder.join("scores/scores.json")).unwrap();
+    assert!(scores.contains("\"not-known\""), "{scores}");
 }
 
 #[test]
@@ -169,6 +243,23 @@ fn another_grid_is_refused() {
     assert_eq!(call(GRID).0, Some(0));
     let (code, message) = call(&GRID.replace("latent = 5", "latent = 4"));
     assert!(code == Some(2) && message.contains("other settings"), "{message}");
+    let (code, message) = call(&GRID.replace("non_paired = [4]\n", "").replace("[3,", "[30,"));
+    assert!(code == Some(2) && message.contains("draw 30 pairs"), "{message}");
+    // A model of another version is found before any other is trained.
+    let cells = || fs::read_dir(folder.join("out/cells")).unwrap().count();
+    let trained = cells();
+    let stale =
+        fs::read_dir(folder.join("out/cells")).unwrap().next().unwrap().unwrap().path().join("run.json");
+    let text = fs::read_to_string(&stale).unwrap();
+    let mut facts: serde_json::Value = serde_json::from_str(&text).unwrap();
+    facts["rprae"] = "0.0.0".into();
+    fs::write(&stale, facts.to_string()).unwrap();
+    fs::write(folder.join("grid.toml"), GRID).unwrap();
+    let args = ["tables", "--grid", "grid.toml", "--device", "cpu", "--out", "out", "--shard", "2/20"];
+    let output = command(folder, &args).output().unwrap();
+    let message = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.code() == Some(2) && message.contains("version 0.0.0"), "{message}");
+    assert_eq!(cells(), trained);
     let (code, message) = call(&GRID.replace("seeds", "seads"));
     assert!(code == Some(2) && message.contains("seads"), "{message}");
 }

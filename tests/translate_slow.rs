@@ -196,7 +196,8 @@ fn lines_from_standard_input_are_translated_both_ways() {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap();
-    let input = "a person walks forward\n\nmotions/90008_mmm.xml\nxyzzy\n";
+    let long = "a person walks forward ".repeat(1000);
+    let input = format!("a person walks forward\n\nmotions/90008_mmm.xml\nxyzzy\n{long}\n");
     child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
@@ -204,20 +205,26 @@ fn lines_from_standard_input_are_translated_both_ways() {
     assert_eq!(records.len(), 2);
     assert_eq!(records[0]["caption"], "a person walks forward");
     assert_eq!(records[1]["hypothesis"], "someone kicks a ball");
-    assert!(stderr(&output).contains("xyzzy"));
+    assert!(
+        stderr(&output).contains("xyzzy") && stderr(&output).contains("10000 bytes"),
+        "{}",
+        stderr(&output)
+    );
 }
 
 #[test]
 fn wrong_usage_ends_with_two_and_says_why() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("empty.txt"), "\n").unwrap();
-    let cases: [(&[&str], &str); 8] = [
+    let cases: [(&[&str], &str); 10] = [
         (&["a person walks", "--out", "walk.gif"], ".mcap"),
         (&["--captions", "missing.txt"], "missing.txt"),
         (&["--captions", "empty.txt"], "no caption"),
         (&["--motions", "nowhere"], "nowhere"),
         (&["a person walks", "--length", "0"], "0.1 s"),
         (&["a person walks", "--noise", "200"], "--noise"),
+        (&["a person walks", "--noise", "0.2"], "--n-best"),
+        (&["--motions", ".", "--perform"], "--perform"),
         (&["xyzzy"], "xyzzy"),
         (&["--out", "walk.xml"], "standard input"),
     ];
@@ -307,4 +314,96 @@ fn a_model_reads_recorded_motions_back_before_and_after_physics() {
     assert!(case["levels"][0]["scores"]["l2/caption_bleu_lost"].is_f64(), "{case}");
     assert!(case["levels"][0]["read_back"].is_string());
     assert!(case.get("candidates").is_none());
+}
+
+/// Word vectors of one word, as text.
+fn vectors_of(word: &str, scale: f64) -> String {
+    let numbers: Vec<String> = (0..300).map(|index| (scale * f64::from(index % 10)).to_string()).collect();
+    format!("{word} {}\n", numbers.join(" "))
+}
+
+#[test]
+fn vectors_count_for_captions_of_references_and_may_move_but_not_change() {
+    let folder = tempfile::tempdir().unwrap();
+    let motions = folder.path().join("motions");
+    fs::create_dir(&motions).unwrap();
+    fs::copy(TRAINED.path().join("motions/90001_mmm.xml"), motions.join("90001_mmm.xml")).unwrap();
+    fs::write(motions.join("90001_annotations.json"), "[\"a person strolls forward.\"]").unwrap();
+    let bundle = bundle();
+    let run = |args: &[&str]| {
+        let base = ["--motions", "motions", "--levels", "L0", "--bundle", bundle.to_str().unwrap()];
+        eval_sim(&[&base[..], args].concat(), folder.path())
+    };
+    let metric = |out: &str| -> (f64, String) {
+        let text = fs::read_to_string(folder.path().join(out).join("results.json")).unwrap();
+        let results: Value = serde_json::from_str(&text).unwrap();
+        let value = results["cases"][0]["levels"][0]["scores"]["l0/caption_latent"].as_f64().unwrap();
+        let metrics = results["metrics"].as_array().unwrap();
+        let found = metrics.iter().find(|metric| metric["key"] == "l0/caption_latent").unwrap();
+        (value, found["signature"].as_str().unwrap().to_owned())
+    };
+    clean(&run(&["--out", "plain"]));
+    fs::write(folder.path().join("vectors.txt"), vectors_of("strolls", 0.1)).unwrap();
+    clean(&run(&["--out", "helped", "--vectors", "vectors.txt"]));
+    let (plain, helped) = (metric("plain"), metric("helped"));
+    assert!(plain.0 != helped.0 && helped.1.contains("|vectors:"), "{plain:?} {helped:?}");
+    assert!(!plain.1.contains("vectors"), "{}", plain.1);
+
+    fs::rename(folder.path().join("vectors.txt"), folder.path().join("moved.txt")).unwrap();
+    let continued = run(&["--out", "helped", "--vectors", "moved.txt"]);
+    assert_eq!(continued.status.code(), Some(0), "{}", stderr(&continued));
+    assert!(stderr(&continued).contains("already finished"), "{}", stderr(&continued));
+    fs::write(folder.path().join("moved.txt"), vectors_of("strolls", -0.3)).unwrap();
+    let refused = run(&["--out", "helped", "--vectors", "moved.txt"]);
+    assert!(
+        refused.status.code() == Some(2) && stderr(&refused).contains("other settings"),
+        "{}",
+        stderr(&refused)
+    );
+    // Flags that would change nothing are refused.
+    let refused = run(&["--out", "none", "--n-best", "3"]);
+    assert!(
+        refused.status.code() == Some(2) && stderr(&refused).contains("--n-best"),
+        "{}",
+        stderr(&refused)
+    );
+}
+
+#[test]
+fn lines_find_their_words_in_vectors_that_were_read_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = vectors_of("strolls", 0.1) + &vectors_of("saunters", 0.2);
+    fs::write(folder.path().join("vectors.txt"), text).unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_rprae"))
+        .args([
+            "translate",
+            "--json",
+            "--quiet",
+            "--bundle",
+            bundle().to_str().unwrap(),
+            "--vectors",
+            "vectors.txt",
+        ])
+        .current_dir(folder.path())
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut input = child.stdin.take().unwrap();
+    let mut told = std::io::BufReader::new(child.stdout.take().unwrap());
+    let mut line = |sentence: &str| {
+        writeln!(input, "{sentence}").unwrap();
+        let mut text = String::new();
+        std::io::BufRead::read_line(&mut told, &mut text).unwrap();
+        let record: Value = serde_json::from_str(&text).unwrap();
+        record["notes"].to_string()
+    };
+    assert!(line("a person strolls forward").contains("by its own word vector"));
+    // The file is not looked at again.
+    fs::remove_file(folder.path().join("vectors.txt")).unwrap();
+    assert!(line("a person saunters forward").contains("by its own word vector"));
+    assert!(line("a person xyzzys forward").contains("left out"));
+    drop(input);
+    assert_eq!(child.wait().unwrap().code(), Some(0));
 }

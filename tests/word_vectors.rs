@@ -44,6 +44,22 @@ fn text(header: &str) -> String {
 }
 
 #[test]
+fn the_first_words_are_kept_as_far_as_memory_is_allowed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("vectors");
+    for bytes in [binary("3 3\n", b""), text("").into_bytes()] {
+        std::fs::write(&path, bytes).unwrap();
+        let all = WordVectors::read_first(&path, 1 << 20, &|_| {}).unwrap();
+        assert_eq!((all.vectors.len(), all.num_words), (3, 3));
+        // Enough for two of three.
+        let some = WordVectors::read_first(&path, 300, &|_| {}).unwrap();
+        assert_eq!(some.vectors.keys().collect::<Vec<_>>(), ["New_York", "walk"]);
+        assert_eq!(some.num_words, 3);
+        assert_eq!(WordVectors::read_first(&path, 0, &|_| {}).unwrap().vectors.len(), 0);
+    }
+}
+
+#[test]
 fn every_layout_gives_the_same_vectors() {
     let folder = tempfile::tempdir().unwrap();
     let files: [Vec<u8>; 6] = [

@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::exit::{Exit, Failure, OrExit};
 use super::output;
-use crate::evaluation::encoder::{Encoder, KNOWN_ENCODERS, Pooling};
+use crate::evaluation::encoder::{Encoder, KNOWN_ENCODERS};
 
 #[derive(Debug, Args)]
 pub(super) struct EncodersArgs {
@@ -64,7 +64,7 @@ tokenizer.json, or vocab.txt (BERT), or vocab.json with merges.txt (RoBERTa). No
 fn check(folder: &std::path::Path) -> Result<String, crate::evaluation::encoder::EncoderError> {
     let encoder = Encoder::open(folder, None)?;
     let config = encoder.config();
-    let pooling = if encoder.has_pooler() { Pooling::Pooler } else { Pooling::Mean };
+    let pooling = encoder.pooling();
     let vectors = encoder.sentence_vectors(&[PROBE, NEAR, FAR], pooling)?;
     let cosine = |index: usize| crate::evaluation::cosine(&vectors[0], &vectors[index]);
     Ok(format!(

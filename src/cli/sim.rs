@@ -88,7 +88,7 @@ pub(super) struct SimArgs {
     /// Correspondence file (TOML) for motion capture whose joint names are not recognised
     #[arg(long, value_name = "TOML")]
     pub skeleton: Option<PathBuf>,
-    /// Body height in metres for number tables
+    /// Body height in metres for number tables, and of the motions made of sentences
     #[arg(long, value_name = "METRES")]
     pub height: Option<f64>,
     /// Body mass in kilograms for all motions [default: what the file says, or 22.5 times the squared height]
@@ -114,7 +114,7 @@ pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
     let references = dataset.as_ref().map(|dataset| (name.as_str(), dataset));
     let references: Option<&dyn Source> = references.as_ref().map(|source| source as &dyn Source);
     // Sentences that cannot be read, or a model, stop the run before any work.
-    let loaded = language::load(&settings).or_usage()?;
+    let loaded = language::load(args, &mut settings, dataset.as_ref()).or_usage()?;
     let (model, sentences) = loaded.map_or((None, None), |(model, sentences)| (Some(model), sentences));
     let made = model
         .as_ref()

@@ -156,6 +156,12 @@ impl Dataset {
         Ok((motion, warnings))
     }
 
+    /// The captions of a motion without the motion; none where they cannot be read, of which [`Dataset::load`] warns.
+    #[must_use]
+    pub fn captions_of(&self, entry: &Entry) -> Vec<String> {
+        self.captions(entry, &mut Vec::new())
+    }
+
     /// Captions are worth a warning, not the motion.
     fn captions(&self, entry: &Entry, warnings: &mut Vec<String>) -> Vec<String> {
         let captions = match &entry.captions {

@@ -1,6 +1,7 @@
 //! A score taken apart into its segments, so that any selection of them can be put together again.
 
 use super::bleu::Bleu;
+use super::clusters::Clusters;
 use super::signature::Signature;
 
 /// Numbers of every segment whose sums give the score of the corpus.
@@ -106,13 +107,32 @@ pub struct Measurement {
     pub statistics: Statistics,
     /// How they are put together.
     pub combine: Combine,
+    /// Which of them are drawn together when the score is resampled; each on its own unless told otherwise.
+    pub clusters: Clusters,
 }
 
 impl Measurement {
+    /// A score of segments that are drawn one by one.
+    #[must_use]
+    pub fn new(key: &'static str, signature: Signature, statistics: Statistics, combine: Combine) -> Self {
+        let clusters = Clusters::singles(statistics.len());
+        Self { key, signature, statistics, combine, clusters }
+    }
+
     /// A score that is the mean of one value a segment.
     #[must_use]
     pub fn of_values(key: &'static str, signature: Signature, values: Vec<f64>) -> Self {
-        Self { key, signature, statistics: Statistics::of_values(values), combine: Combine::Mean }
+        Self::new(key, signature, Statistics::of_values(values), Combine::Mean)
+    }
+
+    /// The same score, its segments drawn together as `clusters` says.
+    ///
+    /// # Panics
+    /// If these are groups of another number of segments.
+    #[must_use]
+    pub fn clustered(self, clusters: &Clusters) -> Self {
+        assert_eq!(clusters.num_segments(), self.statistics.len(), "groups of the segments of {}", self.key);
+        Self { clusters: clusters.clone(), ..self }
     }
 
     /// The score of the whole corpus.

@@ -28,6 +28,7 @@
 mod bert_score;
 mod bleu;
 mod cider;
+mod clusters;
 mod corpus;
 pub mod encoder;
 mod measurement;
@@ -43,6 +44,7 @@ mod tokens;
 pub use bert_score::{Baseline, BertScore, EmbeddedSegment, EmbeddedTokens};
 pub use bleu::{Bleu, Smoothing};
 pub use cider::{Cider, CiderVariant};
+pub use clusters::Clusters;
 pub use corpus::{Corpus, CorpusError, MAX_REFERENCES, MAX_SENTENCE_BYTES, Segment};
 pub use measurement::{Combine, Measurement, Statistics};
 pub use panel::{Absent, Panel, SentenceEncoder, TokenEncoder};

@@ -1,19 +1,20 @@
 //! How sure a score is, and whether two systems differ.
 //!
-//! Segments are drawn with replacement and their statistics put together anew (Efron 1979); two systems are compared over
+//! Segments, or [`Clusters`] of them, are drawn with replacement and their statistics put together anew (Efron 1979); two systems are compared over
 //! the same draws (Koehn 2004), and by exchanging their outputs at random (Riezler and Maxwell 2005).
 //! Every draw has its own random stream from the seed and its number, so results do not depend on the number of threads.
 
 use rayon::prelude::*;
 use thiserror::Error;
 
+use super::clusters::Clusters;
 use super::measurement::Measurement;
 use crate::report::{Interval, SplitMix64, quantile};
 
-/// Fewest segments for an interval: below, draws repeat so much that it says less than it seems to.
+/// Fewest segments, or groups of them, for an interval: below, draws repeat so much that it says less than it seems to.
 pub const MIN_SEGMENTS: usize = 5;
 
-/// How often and from which seed segments are drawn.
+/// How often and from which seed segments are drawn, those of a group together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Resampling {
     /// Number of draws.
@@ -66,6 +67,9 @@ pub enum ComparisonError {
         /// Number of the other's.
         other: usize,
     },
+    /// Different groups of segments.
+    #[error("compare two systems: other segments belong together in one than in the other")]
+    OtherClusters,
 }
 
 impl Resampling {
@@ -75,33 +79,32 @@ impl Resampling {
         SplitMix64(starts.bits() ^ self.seed.rotate_left(32))
     }
 
-    fn draw(self, draw: usize, num_segments: usize) -> Vec<usize> {
+    fn draw(self, draw: usize, clusters: &Clusters) -> Vec<usize> {
         let mut random = self.stream(draw);
-        (0..num_segments).map(|_| random.below(num_segments)).collect()
+        let groups = (0..clusters.len()).map(|_| random.below(clusters.len()));
+        groups.flat_map(|group| clusters.members(group)).copied().collect()
     }
 
-    /// 95 % percentile interval of a corpus score; `None` below [`MIN_SEGMENTS`] segments.
+    /// 95 % percentile interval of a corpus score; `None` below [`MIN_SEGMENTS`] segments, or groups of them.
     #[must_use]
     pub fn interval(self, measurement: &Measurement) -> Option<Interval> {
-        let num_segments = measurement.statistics.len();
-        let scores = self.scores(num_segments, |segments| measurement.score_of(segments.iter().copied()))?;
-        Some(percentiles(scores))
+        self.interval_of(&measurement.clusters, |segments| measurement.score_of(segments.iter().copied()))
     }
 
-    /// 95 % percentile interval of any score of a selection of segments; `None` below [`MIN_SEGMENTS`] segments.
+    /// 95 % percentile interval of any score of a selection of segments; `None` below [`MIN_SEGMENTS`] groups.
     #[must_use]
     pub fn interval_of(
         self,
-        num_segments: usize,
+        clusters: &Clusters,
         score: impl Fn(&[usize]) -> f64 + Sync,
     ) -> Option<Interval> {
-        self.scores(num_segments, score).map(percentiles)
+        self.scores(clusters, score).map(percentiles)
     }
 
     /// Compares two systems on the same segments.
     ///
     /// # Errors
-    /// A [`ComparisonError`] when signatures or numbers of segments differ.
+    /// A [`ComparisonError`] when signatures, numbers of segments or their groups differ.
     pub fn compare(self, ours: &Measurement, other: &Measurement) -> Result<Comparison, ComparisonError> {
         if ours.signature != other.signature {
             let (ours, other) = (ours.signature.to_string(), other.signature.to_string());
@@ -111,9 +114,12 @@ impl Resampling {
         if num_segments != other.statistics.len() {
             return Err(ComparisonError::OtherLength { ours: num_segments, other: other.statistics.len() });
         }
+        if ours.clusters != other.clusters {
+            return Err(ComparisonError::OtherClusters);
+        }
         let (our_score, other_score) = (ours.score(), other.score());
         let difference = our_score - other_score;
-        let pairs = self.scores(num_segments, |segments| {
+        let pairs = self.scores(&ours.clusters, |segments| {
             (ours.score_of(segments.iter().copied()), other.score_of(segments.iter().copied()))
         });
         let differences: Option<Vec<f64>> =
@@ -138,13 +144,10 @@ impl Resampling {
         })
     }
 
-    /// One value a draw, in order; `None` below [`MIN_SEGMENTS`] segments.
-    fn scores<T: Send>(self, num_segments: usize, score: impl Fn(&[usize]) -> T + Sync) -> Option<Vec<T>> {
-        (num_segments >= MIN_SEGMENTS && self.num_resamples > 0).then(|| {
-            (0..self.num_resamples)
-                .into_par_iter()
-                .map(|draw| score(&self.draw(draw, num_segments)))
-                .collect()
+    /// One value a draw, in order; `None` below [`MIN_SEGMENTS`] groups.
+    fn scores<T: Send>(self, clusters: &Clusters, score: impl Fn(&[usize]) -> T + Sync) -> Option<Vec<T>> {
+        (clusters.len() >= MIN_SEGMENTS && self.num_resamples > 0).then(|| {
+            (0..self.num_resamples).into_par_iter().map(|draw| score(&self.draw(draw, clusters))).collect()
         })
     }
 
@@ -154,7 +157,13 @@ impl Resampling {
             .into_par_iter()
             .filter(|&draw| {
                 let mut random = self.stream(draw);
-                let exchanged: Vec<bool> = (0..num_segments).map(|_| random.below(2) == 1).collect();
+                let mut exchanged = vec![false; num_segments];
+                for group in 0..ours.clusters.len() {
+                    let is_exchanged = random.below(2) == 1;
+                    for &segment in ours.clusters.members(group) {
+                        exchanged[segment] = is_exchanged;
+                    }
+                }
                 let chosen = |first: &Measurement, second: &Measurement| {
                     let kept = (0..num_segments).filter(|&segment| !exchanged[segment]);
                     let taken = (0..num_segments).filter(|&segment| exchanged[segment]);
@@ -257,6 +266,36 @@ mod tests {
         // Two-sided probability of one standard error: 0.317.
         assert!((result.p_bootstrap - 0.317).abs() < 0.06, "{result:?}");
         assert!((result.p_randomization - 0.317).abs() < 0.06, "{result:?}");
+    }
+
+    #[test]
+    fn captions_of_one_motion_are_drawn_and_exchanged_together() {
+        // Each value three times says no more than once.
+        let copies = |shift: f64| {
+            let once: Vec<f64> = spread(20, shift).segment_scores();
+            values(once.iter().flat_map(|&value| [value; 3]).collect())
+        };
+        let groups = Clusters::of((0..60).map(|segment| segment / 3));
+        let resampling = Resampling::default();
+        let (once, thrice) = (spread(20, 0.0), copies(0.0));
+        let (alone, together) = (
+            resampling.interval(&once).unwrap(),
+            resampling.interval(&thrice.clone().clustered(&groups)).unwrap(),
+        );
+        assert!((alone.low - together.low).abs() < 1e-9 && (alone.high - together.high).abs() < 1e-9);
+        let apart = resampling.interval(&thrice).unwrap();
+        let width = |ends: Interval| ends.high - ends.low;
+        assert!(width(apart) < 0.7 * width(together), "{apart:?} {together:?}");
+        // Of two systems as well.
+        let other =
+            |num| values((0..num).map(|index| f64::from(index * 11 % num) / f64::from(num) - 0.13).collect());
+        let others: Vec<f64> = other(20).segment_scores().iter().flat_map(|&value| [value; 3]).collect();
+        let alone = resampling.compare(&once, &other(20)).unwrap();
+        let ours = thrice.clone().clustered(&groups);
+        let together = resampling.compare(&ours, &values(others).clustered(&groups)).unwrap();
+        assert_eq!(alone.p_randomization, together.p_randomization);
+        assert!((alone.p_bootstrap - together.p_bootstrap).abs() < 1e-9);
+        assert_eq!(resampling.compare(&ours, &thrice), Err(ComparisonError::OtherClusters));
     }
 
     #[test]

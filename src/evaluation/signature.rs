@@ -27,6 +27,20 @@ impl Signature {
         self
     }
 
+    /// The signature with another value for a name it has; unchanged where it does not have it.
+    #[must_use]
+    pub fn replaced(self, name: &str, value: impl fmt::Display) -> Self {
+        let start = format!("{}:", clean(name));
+        let pair = |part: &str| {
+            if part.starts_with(&start) {
+                format!("{start}{}", clean(&value.to_string()))
+            } else {
+                part.to_owned()
+            }
+        };
+        Self(self.0.split('|').map(pair).collect::<Vec<_>>().join("|"))
+    }
+
     /// The text.
     #[must_use]
     pub fn as_str(&self) -> &str {
@@ -60,5 +74,7 @@ mod tests {
     fn pairs_keep_their_order_and_cannot_be_forged() {
         let signature = Signature::new("bleu-4").with("tok", "13a").with("model", "a|v:2\n").with("v", 1);
         assert_eq!(signature.to_string(), "bleu-4|tok:13a|model:a_v_2_|v:1");
+        assert_eq!(signature.clone().replaced("beam", 5), signature);
+        assert_eq!(signature.replaced("model", "x|y").to_string(), "bleu-4|tok:13a|model:x_y|v:1");
     }
 }

@@ -14,12 +14,12 @@ pub enum Amount {
 }
 
 impl Amount {
-    /// Of `available` samples, how many are taken.
+    /// Of `available` samples, how many are taken; `None` where there are fewer than that.
     #[must_use]
-    pub fn of(self, available: usize) -> usize {
+    pub fn of(self, available: usize) -> Option<usize> {
         match self {
-            Self::Some(amount) => amount.min(available),
-            Self::All => available,
+            Self::Some(amount) => (amount <= available).then_some(amount),
+            Self::All => Some(available),
         }
     }
 }
@@ -73,6 +73,9 @@ mod tests {
         assert_eq!(file.paired, [Amount::Some(100), Amount::All]);
         assert_eq!(toml::from_str::<File>(&toml::to_string(&file).unwrap()).unwrap(), file);
         assert!(toml::from_str::<File>("paired = [\"some\"]").unwrap_err().to_string().contains("\"all\""));
-        assert_eq!((Amount::Some(5).of(3), Amount::Some(2).of(3), Amount::All.of(3)), (3, 2, 3));
+        assert_eq!(
+            (Amount::Some(5).of(3), Amount::Some(2).of(3), Amount::All.of(3)),
+            (None, Some(2), Some(3))
+        );
     }
 }

@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use super::amounts::Amount;
-use super::evaluator::Evaluator;
+use super::evaluator::{Evaluator, names_joined};
 use super::grid::{Cell, Grid, Role};
 use super::run::{CellError, load_cell};
 use super::score::{Outcome, ScoreError, score};
 use crate::evaluation::encoder::EncoderError;
 use crate::evaluation::motion::Retrieval;
-use crate::evaluation::{Corpus, CorpusError, Measurement, Panel};
+use crate::evaluation::{Clusters, Corpus, CorpusError, Measurement, Panel};
 use crate::features::PreparedSet;
 use crate::humanoid::Humanoid;
 use crate::model::Selected;
@@ -121,7 +121,7 @@ pub fn collect(
         for &fold in &folds {
             let reference = Cell { paired: Amount::All, role: Role::Vanilla, non_paired: None, seed, fold };
             let (reference, _) = load_cell(grid, &reference, full, out, selected)?;
-            let judge = Evaluator { name: "rae-reference".to_owned(), bundle: &reference };
+            let judge = Evaluator::new(&reference);
             for (place, &(paired, role, non_paired)) in kinds.iter().enumerate() {
                 let cell = Cell { paired, role, non_paired, seed, fold };
                 observe(&cell);
@@ -147,14 +147,22 @@ pub(super) fn join(parts: Vec<Outcome>, panel: &Panel<'_>) -> Result<SeedScores,
         let segments = parts.iter().flat_map(|part| pick(part).segments().iter().cloned()).collect();
         Ok(panel.measure(&Corpus::new(segments)?)?)
     };
+    let judges: Vec<&str> = parts.iter().map(|part| part.evaluator.as_str()).collect();
+    let judge = names_joined(&judges);
     let mut retrievals: Vec<Retrieval> = Vec::new();
+    let mut clusters = Clusters::singles(0);
     for part in &parts {
-        if retrievals.is_empty() {
-            retrievals.clone_from(&part.retrievals);
-            continue;
-        }
-        for (all, part) in retrievals.iter_mut().zip(&part.retrievals) {
-            all.ranks.extend(&part.ranks);
+        clusters.append(&part.clusters);
+        for (place, found) in part.retrievals.iter().enumerate() {
+            // Poses need no judge.
+            let evaluator = if found.evaluator == part.evaluator { &judge } else { &found.evaluator };
+            match retrievals.get_mut(place) {
+                None => retrievals.push(Retrieval { evaluator: evaluator.clone(), ..found.clone() }),
+                Some(all) => {
+                    all.ranks.extend(&found.ranks);
+                    all.clusters.append(&found.clusters);
+                }
+            }
         }
     }
     let mut motions: Vec<Measurement> = Vec::new();
@@ -162,22 +170,60 @@ pub(super) fn join(parts: Vec<Outcome>, panel: &Panel<'_>) -> Result<SeedScores,
         let of_part = std::iter::once(part.pair_distances[0].clone()).chain(part.pose_measurements());
         for (place, found) in of_part.enumerate() {
             match motions.get_mut(place) {
-                None => motions.push(found),
+                None => {
+                    let signature = found.signature.clone().replaced("evaluator", &judge);
+                    motions.push(Measurement { signature, ..found });
+                }
                 Some(all) => {
                     let mut values = all.segment_scores();
                     values.extend(found.segment_scores());
-                    *all = Measurement::of_values(found.key, found.signature, values);
+                    *all = Measurement::of_values(all.key, all.signature.clone(), values);
                 }
             }
         }
     }
+    let motions = motions.into_iter().map(|found| found.clustered(&clusters)).collect();
+    let read_back = texts(|part| &part.read_back)?;
     Ok(SeedScores {
         captions: texts(|part| &part.captions)?,
         most_frequent: texts(|part| &part.most_frequent)?,
         nearest: texts(|part| &part.nearest)?,
-        read_back: texts(|part| &part.read_back)?,
+        read_back: read_back.into_iter().map(|found| found.clustered(&clusters)).collect(),
         retrievals,
         motions,
         parts,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiments::score::tests::outcome;
+
+    #[test]
+    fn joined_parts_keep_their_groups_and_name_their_judges() {
+        let (first, mut second) = (outcome(), outcome());
+        let alone = join(vec![first.clone()], &Panel::default()).unwrap();
+        assert_eq!(alone.retrievals[0].evaluator, first.evaluator);
+        let other = "rae-another";
+        for retrieval in &mut second.retrievals {
+            if retrieval.evaluator == second.evaluator {
+                retrieval.evaluator = other.to_owned();
+            }
+        }
+        second.evaluator = other.to_owned();
+        let both = join(vec![first.clone(), second], &Panel::default()).unwrap();
+        let name = names_joined(&[&first.evaluator, other]);
+        assert_eq!(
+            (both.retrievals[0].evaluator.as_str(), both.retrievals[0].ranks.len()),
+            (name.as_str(), 8)
+        );
+        assert_eq!(both.retrievals[2].evaluator, first.retrievals[2].evaluator);
+        let distance = &both.motions[0];
+        assert!(distance.signature.as_str().contains(&name), "{}", distance.signature);
+        assert_eq!((distance.clusters.len(), both.read_back[0].clusters.len()), (8, 8));
+        // A query has the candidates of its own part.
+        let recall = &both.retrievals[3].measure()[3];
+        assert!(recall.signature.as_str().contains("|candidates:4|"), "{}", recall.signature);
+    }
 }

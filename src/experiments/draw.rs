@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::amounts::Amount;
 use super::grid::Cell;
 use crate::features::{MotionFeatures, Normalizer, Pair, PreparedSet, Split};
 use crate::manifest::sha256_hex;
@@ -22,6 +23,34 @@ pub enum DrawError {
         /// Parts.
         folds: usize,
     },
+    /// More pairs asked for than there are.
+    #[error("draw {asked} pairs: there are {found} to learn from; ask for fewer, or for \"all\"")]
+    TooFewPairs {
+        /// Pairs asked for.
+        asked: Amount,
+        /// Pairs to learn from.
+        found: usize,
+    },
+    /// More non-paired samples asked for than there are.
+    #[error(
+        "draw {asked} non-paired samples: there are {captions} captions and {motions} motions to learn from; ask for fewer"
+    )]
+    TooFewSamples {
+        /// Samples of each kind asked for.
+        asked: usize,
+        /// Captions there are.
+        captions: usize,
+        /// Motions there are.
+        motions: usize,
+    },
+    /// Pairs are among the non-paired samples, which these cannot hold.
+    #[error("draw {asked} non-paired samples: the {pairs} pairs are among them; ask for as many at least")]
+    FewerThanPairs {
+        /// Samples of each kind asked for.
+        asked: usize,
+        /// Pairs drawn.
+        pairs: usize,
+    },
     /// A split without pairs.
     #[error("use the prepared set: its {split:?} split has no pairs; prepare it anew, or set folds")]
     NoPairs {
@@ -30,14 +59,25 @@ pub enum DrawError {
     },
 }
 
+/// The data of a model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Drawn {
+    /// What it is trained, watched and scored on.
+    pub set: PreparedSet,
+    /// Samples that an epoch of stage 1 goes through; without stage 1 those of the model with all non-paired samples, which
+    /// has as many updates.
+    pub stage1_samples: usize,
+}
+
 /// The set of a cell: the part that is scored is its test split, and its pairs and non-paired samples are drawn.
 ///
 /// With folds, the range of every channel is that of the new training split, and one copy of each caption of a motion that
 /// is watched or scored is taken out of the captions without motions, where it may have come along.
 ///
 /// # Errors
-/// [`DrawError`] when there is too little data.
-pub fn draw(full: &PreparedSet, cell: &Cell, folds: usize) -> Result<PreparedSet, DrawError> {
+/// [`DrawError`] when there is too little data; no amount is cut to what there is. Only where one kind of non-paired samples
+/// is short, all of it is taken.
+pub fn draw(full: &PreparedSet, cell: &Cell, folds: usize) -> Result<Drawn, DrawError> {
     let mut set = if folds == 0 { full.clone() } else { fold(full, cell.fold, folds)? };
     for (split, pairs) in
         [(Split::Train, &set.paired), (Split::Validation, &set.validation), (Split::Test, &set.test)]
@@ -48,29 +88,41 @@ pub fn draw(full: &PreparedSet, cell: &Cell, folds: usize) -> Result<PreparedSet
     }
     let seed = cell.seed;
     set.paired.sort_by_cached_key(|pair| pair_key(full, seed, *pair));
-    set.paired.truncate(cell.paired.of(set.paired.len()));
+    let found = set.paired.len();
+    match cell.paired.of(found) {
+        Some(num_pairs) => set.paired.truncate(num_pairs),
+        None => return Err(DrawError::TooFewPairs { asked: cell.paired, found }),
+    }
+    let samples = |set: &PreparedSet| set.non_paired_captions.len().max(set.non_paired_motions.len());
+    let mut stage1_samples = samples(&set);
     match cell.non_paired {
         None => {
             set.non_paired_motions.clear();
             set.non_paired_captions.clear();
         }
-        Some(amount) => {
+        Some(Amount::All) => {}
+        Some(Amount::Some(amount)) => {
+            let (captions, motions) = (set.non_paired_captions.len(), set.non_paired_motions.len());
+            if amount > stage1_samples {
+                return Err(DrawError::TooFewSamples { asked: amount, captions, motions });
+            }
+            if amount < set.paired.len() {
+                return Err(DrawError::FewerThanPairs { asked: amount, pairs: set.paired.len() });
+            }
             // The pairs are drawn from the non-paired samples (Algorithm 1), so theirs come first.
-            let chosen: Vec<Pair> = set.paired.clone();
-            let motions: Vec<usize> = chosen.iter().map(|pair| pair.motion).collect();
-            let captions: Vec<usize> = chosen.iter().map(|pair| pair.caption).collect();
-            set.non_paired_motions =
-                first(&set.non_paired_motions, &motions, amount.of(usize::MAX), |place| {
-                    key(seed, "motion", &full.motions[place].id)
-                });
-            set.non_paired_captions =
-                first(&set.non_paired_captions, &captions, amount.of(usize::MAX), |place| {
-                    key(seed, "caption", &format!("{place} {}", full.captions[place].text))
-                });
+            let chosen_motions: Vec<usize> = set.paired.iter().map(|pair| pair.motion).collect();
+            let chosen_captions: Vec<usize> = set.paired.iter().map(|pair| pair.caption).collect();
+            set.non_paired_motions = first(&set.non_paired_motions, &chosen_motions, amount, |place| {
+                key(seed, "motion", &full.motions[place].id)
+            });
+            set.non_paired_captions = first(&set.non_paired_captions, &chosen_captions, amount, |place| {
+                key(seed, "caption", &format!("{place} {}", full.captions[place].text))
+            });
+            stage1_samples = samples(&set);
         }
     }
     set.paired.sort_unstable();
-    Ok(set.with_fingerprint())
+    Ok(Drawn { set: set.with_fingerprint(), stage1_samples })
 }
 
 fn key(seed: u64, purpose: &str, what: &str) -> String {
@@ -186,14 +238,13 @@ fn refit(full: &PreparedSet, splits: &[Split]) -> Normalizer {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
-    use crate::experiments::amounts::Amount;
     use crate::experiments::grid::Role;
     use crate::features::{CaptionFeatures, Root, Vocabulary};
 
     /// Twelve motions with a caption each, two without, three captions without motions; the first repeats that of motion 0.
-    fn full() -> PreparedSet {
+    pub(in crate::experiments) fn full() -> PreparedSet {
         let motion = |index: usize| MotionFeatures {
             id: format!("m{index:02}"),
             split: Split::Train,
@@ -230,7 +281,7 @@ mod tests {
     fn every_motion_is_scored_once_and_never_learned_then() {
         let mut scored = Vec::new();
         for fold in 0..4 {
-            let set = draw(&full(), &cell(Amount::All, Some(Amount::All), fold), 4).unwrap();
+            let set = draw(&full(), &cell(Amount::All, Some(Amount::All), fold), 4).unwrap().set;
             assert_eq!((set.test.len(), set.validation.len(), set.paired.len()), (3, 3, 6));
             let held_out: Vec<usize> =
                 set.test.iter().chain(&set.validation).map(|pair| pair.motion).collect();
@@ -248,7 +299,7 @@ mod tests {
 
     #[test]
     fn ranges_are_those_of_what_is_learned() {
-        let set = draw(&full(), &cell(Amount::All, None, 1), 4).unwrap();
+        let set = draw(&full(), &cell(Amount::All, None, 1), 4).unwrap().set;
         let learned = set.motions.iter().filter(|motion| motion.split == Split::Train);
         let ends = learned
             .flat_map(|motion| &motion.frames)
@@ -265,11 +316,11 @@ mod tests {
 
     #[test]
     fn small_draws_are_part_of_large_ones() {
-        let pairs = |amount| draw(&full(), &cell(Amount::Some(amount), None, 0), 4).unwrap().paired;
+        let pairs = |amount| draw(&full(), &cell(Amount::Some(amount), None, 0), 4).unwrap().set.paired;
         let (small, large) = (pairs(2), pairs(5));
         assert_eq!((small.len(), large.len()), (2, 5));
         assert!(small.iter().all(|pair| large.contains(pair)));
-        let set = draw(&full(), &cell(Amount::Some(2), Some(Amount::Some(3)), 0), 4).unwrap();
+        let set = draw(&full(), &cell(Amount::Some(2), Some(Amount::Some(3)), 0), 4).unwrap().set;
         assert_eq!((set.non_paired_motions.len(), set.non_paired_captions.len()), (3, 3));
         assert!(set.paired.iter().all(|pair| set.non_paired_motions.contains(&pair.motion)));
         assert!(set.paired.iter().all(|pair| set.non_paired_captions.contains(&pair.caption)));
@@ -279,6 +330,21 @@ mod tests {
     fn too_little_is_refused() {
         let error = draw(&full(), &cell(Amount::All, None, 0), 7).unwrap_err();
         assert_eq!(error, DrawError::TooFewMotions { found: 12, folds: 7 });
+        // Of six pairs, eight motions and eight captions of a part nothing is cut silently.
+        let refused = |paired, non_paired| draw(&full(), &cell(paired, non_paired, 0), 4).unwrap_err();
+        let error = refused(Amount::Some(7), None);
+        assert_eq!(error, DrawError::TooFewPairs { asked: Amount::Some(7), found: 6 });
+        let captions = draw(&full(), &cell(Amount::All, Some(Amount::All), 0), 4).unwrap();
+        let captions = captions.set.non_paired_captions.len();
+        let error = refused(Amount::All, Some(Amount::Some(10)));
+        assert_eq!(error, DrawError::TooFewSamples { asked: 10, captions, motions: 8 });
+        let error = refused(Amount::Some(4), Some(Amount::Some(3)));
+        assert_eq!(error, DrawError::FewerThanPairs { asked: 3, pairs: 4 });
+        // One kind may be short, which the set then shows.
+        let mut few = full();
+        few.non_paired_motions.truncate(12);
+        let set = draw(&few, &cell(Amount::Some(2), Some(Amount::Some(captions)), 0), 4).unwrap().set;
+        assert_eq!((set.non_paired_motions.len(), set.non_paired_captions.len()), (6, captions));
         let mut empty = full();
         empty.test.clear();
         let error = draw(&empty, &cell(Amount::All, None, 0), 0).unwrap_err();

@@ -104,6 +104,15 @@ impl<'a> Evaluator<'a> {
     }
 }
 
+/// The name of judges, one a part: that of the only one, or their number and the beginning of a checksum over their names.
+pub(super) fn names_joined(names: &[&str]) -> String {
+    match names {
+        [] => String::new(),
+        [first, others @ ..] if others.iter().all(|other| other == first) => (*first).to_owned(),
+        _ => format!("{}-judges-{}", names.len(), &sha256_hex(names.join(" ").as_bytes())[..12]),
+    }
+}
+
 /// Captions a model writes of motions, normalised as it has it; words with one space between.
 pub(super) fn describe(bundle: &Bundle, motions: &[Vec<[f32; NUM_CHANNELS]>]) -> Vec<String> {
     let mut captions = Vec::new();
@@ -125,4 +134,16 @@ pub(super) fn sentence(vocabulary: &[String], words: &[u32]) -> String {
 
 fn vectors(width: usize, values: &[f32]) -> Vec<Vec<f32>> {
     values.chunks_exact(width).map(<[f32]>::to_vec).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::names_joined;
+
+    #[test]
+    fn several_judges_have_a_name_of_their_own() {
+        assert_eq!(names_joined(&["rae-a", "rae-a"]), "rae-a");
+        let joined = names_joined(&["rae-a", "rae-b"]);
+        assert!(joined.starts_with("2-judges-") && joined != names_joined(&["rae-b", "rae-a"]), "{joined}");
+    }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::amounts::Amount;
+use crate::manifest::{SettingsFile, SettingsFileError};
 use crate::training::{Preset, RunSettings, Schedule};
 
 /// A grid of models: some numbers of pairs, each with and without stage 1, and some numbers of non-paired samples.
@@ -88,22 +89,9 @@ pub struct Cell {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GridError {
-    /// The file cannot be read.
-    #[error("read the grid {}: {error}", .path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        error: std::io::Error,
-    },
-    /// The file is no grid.
-    #[error("read the grid {}: {error}", .path.display())]
-    Toml {
-        /// The file.
-        path: PathBuf,
-        /// Place and reason.
-        error: Box<toml::de::Error>,
-    },
+    /// The file cannot be read, or is no grid.
+    #[error(transparent)]
+    File(#[from] SettingsFileError),
     /// A value that makes no sense.
     #[error("use the grid: {name} {reason}")]
     Value {
@@ -120,15 +108,16 @@ impl Grid {
     /// # Errors
     /// [`GridError`] names the file, the place and the reason.
     pub fn read(path: &Path) -> Result<Self, GridError> {
-        let text =
-            std::fs::read_to_string(path).map_err(|error| GridError::Io { path: path.to_owned(), error })?;
-        let grid: Self = toml::from_str(&text)
-            .map_err(|error| GridError::Toml { path: path.to_owned(), error: Box::new(error) })?;
+        let grid: Self = SettingsFile::open(path)?.parse()?;
         grid.check()?;
         Ok(grid)
     }
 
-    fn check(&self) -> Result<(), GridError> {
+    /// Checks every setting, and those of the runs.
+    ///
+    /// # Errors
+    /// [`GridError::Value`] names the first that makes no sense, with its place.
+    pub fn check(&self) -> Result<(), GridError> {
         let wrong = |name, reason: &str| Err(GridError::Value { name, reason: reason.to_owned() });
         if !self.paired.contains(&Amount::All) {
             return wrong("paired", "has no \"all\", the reference that the others are related to");
@@ -136,6 +125,10 @@ impl Grid {
         let is_empty = |amount: &Amount| *amount == Amount::Some(0);
         if self.paired.iter().any(is_empty) || self.non_paired.contains(&0) {
             return wrong("paired and non_paired", "cannot be 0: models without stage 1 are there anyway");
+        }
+        self.check_amounts()?;
+        if let Some(reason) = repeated(&self.seeds) {
+            return wrong("seeds", &reason);
         }
         if self.seeds.is_empty() || self.seeds.iter().any(|&seed| i64::try_from(seed).is_err()) {
             return wrong("seeds", "needs at least one seed, none above 2^63 - 1");
@@ -163,6 +156,36 @@ impl Grid {
                 .map_err(|error| GridError::Value { name: "run", reason: format!("is wrong: {error}") })?;
         }
         Ok(())
+    }
+
+    /// Each amount once, and those of [`Grid::non_paired`] at least as many as the pairs that are drawn from them.
+    fn check_amounts(&self) -> Result<(), GridError> {
+        let wrong = |name, reason| Err(GridError::Value { name, reason });
+        if let Some(reason) = repeated(&self.paired) {
+            return wrong("paired", reason);
+        }
+        if let Some(reason) = repeated(&self.non_paired) {
+            return wrong("non_paired", reason);
+        }
+        let sweep = self.sweep();
+        if !self.paired.contains(&sweep) {
+            let paired: Vec<String> = self.paired.iter().map(Amount::to_string).collect();
+            return wrong(
+                "sweep_paired",
+                format!("is {sweep}, which is not in paired ({})", paired.join(", ")),
+            );
+        }
+        let Amount::Some(pairs) = sweep else { return Ok(()) };
+        match self.non_paired.iter().position(|&amount| amount < pairs) {
+            Some(place) => wrong(
+                "non_paired",
+                format!(
+                    "[{place}] is {}, fewer than the {pairs} pairs of these rows (sweep_paired), which are among them",
+                    self.non_paired[place]
+                ),
+            ),
+            None => Ok(()),
+        }
     }
 
     /// Number of pairs of the rows with fewer non-paired samples.
@@ -242,6 +265,14 @@ impl Grid {
     }
 }
 
+/// The first value that is there twice, with both places.
+fn repeated<T: PartialEq + std::fmt::Display>(values: &[T]) -> Option<String> {
+    values.iter().enumerate().find_map(|(place, value)| {
+        let first = values[..place].iter().position(|before| before == value)?;
+        Some(format!("[{place}] is {value}, as [{first}] is; name each once"))
+    })
+}
+
 /// One table laid over another, level by level.
 fn over(mut under: toml::Table, above: &toml::Table) -> toml::Table {
     for (key, value) in above {
@@ -309,6 +340,25 @@ pub(super) mod tests {
         assert!(refused("[run]\nlatend = 3\n").contains("latend"));
         assert!(refused("[run]\nseed = 3\n").contains("seed"));
         assert!(refused("folds = 1\n").contains("folds"));
+        let refused_of = |seeds: &str, paired: &str, rest: &str| {
+            let text = format!("prepared = \"set\"\nseeds = {seeds}\npaired = {paired}\n{rest}");
+            toml::from_str::<Grid>(&text).unwrap().check().unwrap_err().to_string()
+        };
+        let message = refused_of("[1, 2, 1]", "[5, \"all\"]", "");
+        assert!(message.contains("seeds [2] is 1, as [0] is"), "{message}");
+        let message = refused_of("[1]", "[5, \"all\", 5]", "");
+        assert!(message.contains("paired [2] is 5, as [0] is"), "{message}");
+        let message = refused_of("[1]", "[5, \"all\"]", "non_paired = [9, 9]");
+        assert!(message.contains("non_paired [1] is 9"), "{message}");
+        let message = refused_of("[1]", "[5, \"all\"]", "non_paired = [9, 4]");
+        assert!(message.contains("non_paired [1] is 4") && message.contains("5 pairs"), "{message}");
+        for sweep in ["0", "7"] {
+            let message = refused_of("[1]", "[5, \"all\"]", &format!("sweep_paired = {sweep}"));
+            assert!(
+                message.contains(&format!("sweep_paired is {sweep}, which is not in paired (5, all)")),
+                "{message}"
+            );
+        }
         assert!(refused("folds = 3\nparts = [3]\n").contains("parts"));
         assert!(toml::from_str::<Grid>("prepared = \"set\"\nseeds = [1]\npaired = []\nfold = 3").is_err());
         let folder = tempfile::tempdir().unwrap();

@@ -9,7 +9,7 @@ use super::evaluator::Evaluator;
 use super::figures::{CurveRow, ScatterPoint, efficiency, joint_curves, scatter, tsne, verb_label};
 use super::grid::{Cell, Grid, Role};
 use super::run::load_cell;
-use super::score::score;
+use super::score::{Outcome, score};
 use crate::evaluation::Resampling;
 use crate::evaluation::motion::Embeddings;
 use crate::features::PreparedSet;
@@ -33,7 +33,9 @@ pub fn pictures(
 ) -> Result<Vec<(&'static str, String)>, CollectError> {
     let resampling = Resampling { num_resamples: grid.resamples, seed: 0 };
     let mut pictures = vec![("efficiency.svg", efficiency(rows, resampling).svg())];
-    let [with, without] = shown(rows, grid.sweep());
+    let shown = shown(rows, grid.sweep());
+    // Of all pairs alone there is no model with stage 1, unless it was asked for.
+    let (_, first) = shown[0];
     let cell = |row: &Row| Cell {
         paired: row.paired,
         role: row.role,
@@ -42,9 +44,9 @@ pub fn pictures(
         fold: grid.parts()[0],
     };
     // Latents of the model itself, not of the one that judges.
-    let (bundle, set) = load_cell(grid, &cell(with), full, out, selected)?;
+    let (bundle, set) = load_cell(grid, &cell(first), full, out, selected)?;
     let found = score(&bundle, &Evaluator::new(&bundle), &set, &set.test, humanoid)
-        .map_err(|error| CollectError::Score { cell: cell(with).name(), error })?;
+        .map_err(|error| CollectError::Score { cell: cell(first).name(), error })?;
     let points = |latents: &Embeddings| -> Vec<ScatterPoint> {
         let places = tsne(latents, PERPLEXITY);
         let pairs = set.test.iter().zip(places);
@@ -62,7 +64,7 @@ pub fn pictures(
     ];
     pictures.push(("latents.svg", scatter(&panels)));
 
-    let parts = [&with.seeds[0].parts[0], &without.seeds[0].parts[0]];
+    let parts: Vec<&Outcome> = shown.iter().map(|(_, row)| &row.seeds[0].parts[0]).collect();
     let chosen = lively(&set);
     let rows: Vec<CurveRow<'_>> = chosen
         .iter()
@@ -72,19 +74,19 @@ pub fn pictures(
             (motion.id.clone(), motion.frames.as_slice(), made)
         })
         .collect();
-    let systems = ["with stage 1", "without"];
+    let systems: Vec<&str> = shown.iter().map(|(name, _)| *name).collect();
     pictures.push(("joints.svg", joint_curves(&set.normalizer, set.rate_hz, &systems, &rows)));
     Ok(pictures)
 }
 
-/// The row with stage 1 at some pairs and the one without; the reference where there are none.
-fn shown(rows: &[Row], paired: Amount) -> [&Row; 2] {
+/// The rows of some pairs that are drawn, by name: with stage 1, where there is one, and without.
+fn shown(rows: &[Row], paired: Amount) -> Vec<(&'static str, &Row)> {
     let find = |role: Role| {
-        rows.iter()
-            .find(|row| row.role == role && row.paired == paired && row.non_paired != Some(Amount::Some(0)))
-            .unwrap_or(&rows[0])
+        let is_main = |row: &&Row| row.non_paired.is_none_or(|amount| amount == Amount::All);
+        rows.iter().filter(is_main).find(|row| row.role == role && row.paired == paired)
     };
-    [find(Role::Proposed), find(Role::Vanilla)]
+    let named = [("with stage 1", find(Role::Proposed)), ("without stage 1", find(Role::Vanilla))];
+    named.into_iter().filter_map(|(name, row)| Some((name, row?))).collect()
 }
 
 /// Places of test pairs with different verbs, the first of each.
@@ -104,18 +106,23 @@ fn lively(set: &PreparedSet) -> Vec<usize> {
 /// With `references`, also what people wrote; that text is for the eye and is not to be kept where it has no licence.
 #[must_use]
 pub fn captions(grid: &Grid, set: &PreparedSet, rows: &[Row], references: bool) -> String {
-    let [with, without] = shown(rows, grid.sweep());
-    let parts = [&with.seeds[0].parts[0], &without.seeds[0].parts[0]];
+    let shown = shown(rows, grid.sweep());
+    let mut headings: Vec<&str> = shown.iter().map(|(name, _)| *name).collect();
+    if references {
+        headings.extend(["nearest in pose space", "people"]);
+    }
     let mut text = format!(
-        "# Captions of held-out motions\n\n{} pairs, seed {}, first part.\n\n| motion | with stage 1 | without |{}\n\
-         |---|---|---|{}\n",
-        with.paired,
+        "# Captions of held-out motions\n\n{} pairs, seed {}, first part.\n\n| motion | {} |\n|---|{}\n",
+        grid.sweep(),
         grid.seeds[0],
-        if references { " nearest in pose space | people |" } else { "" },
-        if references { "---|---|" } else { "" }
+        headings.join(" | "),
+        "---|".repeat(headings.len())
     );
-    for (ours, other) in parts[0].described.iter().zip(&parts[1].described) {
-        let _ = write!(text, "| {} | {} | {} |", ours.id, ours.caption, other.caption);
+    let parts: Vec<&Outcome> = shown.iter().map(|(_, row)| &row.seeds[0].parts[0]).collect();
+    for (place, ours) in parts[0].described.iter().enumerate() {
+        let captions: Vec<&str> = parts.iter().map(|part| part.described[place].caption.as_str()).collect();
+        // Writing to a string cannot fail.
+        let _ = write!(text, "| {} | {} |", ours.id, captions.join(" | "));
         if references {
             let motion = set.motions.iter().position(|motion| motion.id == ours.id);
             let said =
@@ -126,4 +133,25 @@ pub fn captions(grid: &Grid, set: &PreparedSet, rows: &[Row], references: bool) 
         text.push('\n');
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiments::tables::tests::{grid, rows};
+    use crate::training::tests::four_pairs;
+
+    #[test]
+    fn columns_are_named_after_the_rows_they_show() {
+        let rows = rows(1);
+        let names = |paired| shown(&rows, paired).iter().map(|(name, _)| *name).collect::<Vec<_>>();
+        assert_eq!(names(Amount::Some(2)), ["with stage 1", "without stage 1"]);
+        assert_eq!(shown(&rows, Amount::Some(2))[0].1.non_paired, Some(Amount::All));
+        assert_eq!(names(Amount::All), ["without stage 1"]);
+        let text = captions(&grid("[1]"), &four_pairs(), &rows, false);
+        assert!(text.contains("| motion | with stage 1 | without stage 1 |\n|---|---|---|\n"), "{text}");
+        assert_eq!(text.lines().filter(|line| line.starts_with("| motion")).count(), 1 + 4);
+        let text = captions(&grid("[1]"), &four_pairs(), &rows, true);
+        assert!(text.contains("people |\n|---|---|---|---|---|\n") && text.contains("caption 3"), "{text}");
+    }
 }

@@ -10,7 +10,7 @@ use crate::manifest::{VERSION, write_file};
 use crate::model::{self, Bundle, BundleError, Rprae, Selected};
 use crate::training::{
     self, BUNDLE, Begin, CHECKPOINTS, CaptionScore, Event, Line, METRICS_FILE, Plan, RunFacts, RunFolder,
-    SETTINGS_FILE, TrainingError,
+    RunSettings, SETTINGS_FILE, Schedule, TrainingError,
 };
 
 /// Folder of the models within that of a grid.
@@ -67,6 +67,75 @@ pub fn is_trained(out: &Path, cell: &Cell) -> bool {
     cell_folder(out, cell).join(BUNDLE).exists()
 }
 
+/// Data and settings of a model.
+///
+/// A model without stage 1 that is to have as many updates gets those of stage 1 as a number: its own data have none of the
+/// samples they are counted by.
+fn prepare(grid: &Grid, cell: &Cell, full: &PreparedSet) -> Result<(PreparedSet, RunSettings), CellError> {
+    let drawn = draw(full, cell, grid.folds).map_err(|error| CellError::Draw { cell: cell.name(), error })?;
+    let mut settings = grid.settings(cell)?;
+    let training = &mut settings.training;
+    if training.schedule == Schedule::VanillaEqualUpdates {
+        training.stage1_iterations = Some(Plan::stage1_iterations(training, drawn.stage1_samples));
+    }
+    Ok((drawn.set, settings))
+}
+
+/// Checks that there are data for a model, and that its folder is free or holds a run of the same settings on the same data,
+/// by this version, on this device.
+///
+/// # Errors
+/// [`CellError`] says what is missing or what differs.
+pub fn check_cell(
+    grid: &Grid,
+    cell: &Cell,
+    full: &PreparedSet,
+    out: &Path,
+    selected: &Selected,
+) -> Result<(), CellError> {
+    let (set, settings) = prepare(grid, cell, full)?;
+    let folder = cell_folder(out, cell);
+    if folder.join(SETTINGS_FILE).exists() || is_trained(out, cell) {
+        compare(&folder, cell, &set, &settings, selected)?;
+    }
+    Ok(())
+}
+
+/// Nothing when a run in a folder has these settings and data, by this version, on this device.
+fn compare(
+    folder: &Path,
+    cell: &Cell,
+    set: &PreparedSet,
+    settings: &RunSettings,
+    selected: &Selected,
+) -> Result<(), CellError> {
+    let other = |reason| Err(CellError::Other { folder: folder.to_owned(), reason });
+    let before =
+        RunFolder::settings(folder).map_err(|error| CellError::Training { cell: cell.name(), error })?;
+    let Some(before) = before else { return other("by something that left no settings".to_owned()) };
+    // Where the set lies does not matter; what is in it does, and its fingerprint says so.
+    let settings = RunSettings { prepared: before.prepared.clone(), ..settings.clone() };
+    let differences = settings.differences(&before);
+    if !differences.is_empty() {
+        return other(format!("with other settings ({})", differences.join("; ")));
+    }
+    let facts = fs::read(folder.join(training::RUN_FILE))?;
+    let facts: RunFacts = match serde_json::from_slice(&facts) {
+        Ok(facts) => facts,
+        Err(error) => return other(format!("by something that left no record ({error})")),
+    };
+    if facts.data != set.fingerprint {
+        return other("on other data".to_owned());
+    }
+    if facts.rprae != VERSION {
+        return other(format!("by version {} of this program, which is {VERSION}", facts.rprae));
+    }
+    if facts.device != selected.name {
+        return other(format!("on {}, and {} computes now (--device)", facts.device, selected.name));
+    }
+    Ok(())
+}
+
 /// Trains a model, from its last checkpoint where it was stopped; one that is trained is left as it is.
 ///
 /// # Errors
@@ -84,8 +153,16 @@ pub fn train_cell(
         return Ok(());
     }
     let failed = |error| CellError::Training { cell: cell.name(), error };
-    let set = draw(full, cell, grid.folds).map_err(|error| CellError::Draw { cell: cell.name(), error })?;
-    let settings = grid.settings(cell)?;
+    let (set, mut settings) = prepare(grid, cell, full)?;
+    let path = cell_folder(out, cell);
+    let before = RunFolder::settings(&path).map_err(failed)?;
+    let begin = if let Some(before) = before {
+        // The set may have moved; what is in it is compared by its fingerprint.
+        settings.prepared = before.prepared;
+        Begin::Resume
+    } else {
+        Begin::New
+    };
     let device = &selected.device;
     let untrained = Rprae::new(&settings.model, &set.vocabulary, settings.seed, device);
     let facts = RunFacts {
@@ -98,8 +175,6 @@ pub fn train_cell(
             .collect(),
     };
     drop(untrained);
-    let path = cell_folder(out, cell);
-    let begin = if path.join(SETTINGS_FILE).exists() { Begin::Resume } else { Begin::New };
     let folder = RunFolder::open(&path, &settings, &facts, begin).map_err(failed)?;
     let trained =
         training::train(&set, &settings, device, &folder, caption_score, observe).map_err(failed)?;
@@ -121,7 +196,7 @@ pub fn train_cell(
 /// A trained model with the data it was trained on.
 ///
 /// # Errors
-/// [`CellError`] when it cannot be read, or was trained with other settings or on other data.
+/// [`CellError`] when it cannot be read, or was trained with other settings, on other data, by another version or elsewhere.
 pub fn load_cell(
     grid: &Grid,
     cell: &Cell,
@@ -129,24 +204,73 @@ pub fn load_cell(
     out: &Path,
     selected: &Selected,
 ) -> Result<(Bundle, PreparedSet), CellError> {
+    let (set, settings) = prepare(grid, cell, full)?;
     let folder = cell_folder(out, cell);
-    let failed = |error| CellError::Training { cell: cell.name(), error };
-    let set = draw(full, cell, grid.folds).map_err(|error| CellError::Draw { cell: cell.name(), error })?;
-    let settings = grid.settings(cell)?;
-    let other = |reason| CellError::Other { folder: folder.clone(), reason };
-    let before = RunFolder::settings(&folder).map_err(failed)?;
-    let differences = before.map_or_else(Vec::new, |before| settings.differences(&before));
-    // Where the set lies does not matter; what is in it does, and its fingerprint says so.
-    let differences: Vec<String> =
-        differences.into_iter().filter(|line| !line.starts_with("prepared:")).collect();
-    if !differences.is_empty() {
-        return Err(other(format!("with other settings ({})", differences.join("; "))));
-    }
-    let facts = fs::read(folder.join(training::RUN_FILE))?;
-    let facts: RunFacts = serde_json::from_slice(&facts)
-        .map_err(|error| other(format!("by something that left no record ({error})")))?;
-    if facts.data != set.fingerprint {
-        return Err(other("on other data".to_owned()));
-    }
+    compare(&folder, cell, &set, &settings, selected)?;
     Ok((Bundle::load(&folder.join(BUNDLE), &selected.device)?, set))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiments::amounts::Amount;
+    use crate::experiments::draw::tests::full;
+    use crate::experiments::grid::Role;
+    use crate::experiments::grid::tests::grid;
+
+    fn cell(role: Role, fold: usize) -> Cell {
+        let non_paired = (role == Role::Proposed).then_some(Amount::All);
+        Cell { paired: Amount::Some(4), role, non_paired, seed: 1, fold }
+    }
+
+    #[test]
+    fn models_without_stage_1_have_as_many_updates() {
+        // Counted by epochs, which the data of a model without stage 1 do not show.
+        let epochs =
+            grid("folds = 4\n[run.training]\nbatch_size = 2\nstage1_epochs = 3\nstage2_epochs = 5\n");
+        let counted = grid("folds = 4\n[run.training]\nbatch_size = 2\nstage1_iterations = 7\n");
+        for (grid, fold) in [(&epochs, 0), (&epochs, 2), (&counted, 1)] {
+            let plan = |role| {
+                let (set, settings) = prepare(grid, &cell(role, fold), &full()).unwrap();
+                assert_eq!(set.non_paired_motions.is_empty(), role == Role::Vanilla);
+                Plan::new(&settings.training, &set)
+            };
+            let (vanilla, proposed) = (plan(Role::Vanilla), plan(Role::Proposed));
+            assert!(vanilla.stage1 == 0 && proposed.stage1 > 0);
+            assert_eq!(vanilla.total(), proposed.total());
+        }
+    }
+
+    #[test]
+    fn what_lies_in_a_folder_is_compared_but_for_its_place() {
+        let (grid, full, cell) = (grid("folds = 4\n"), full(), cell(Role::Vanilla, 0));
+        let selected = model::cpu();
+        let (set, settings) = prepare(&grid, &cell, &full).unwrap();
+        let out = tempfile::tempdir().unwrap();
+        let folder = cell_folder(out.path(), &cell);
+        let facts = RunFacts {
+            rprae: VERSION.to_owned(),
+            data: set.fingerprint.clone(),
+            device: selected.name.clone(),
+            parameters: Vec::new(),
+        };
+        let check = |grid: &Grid, full: &PreparedSet| check_cell(grid, &cell, full, out.path(), &selected);
+        check(&grid, &full).unwrap();
+        let begun = |facts: &RunFacts| {
+            drop(RunFolder::open(&folder, &settings, facts, Begin::Overwrite).unwrap());
+        };
+        begun(&facts);
+        check(&grid, &full).unwrap();
+        check(&Grid { prepared: "elsewhere".into(), ..grid.clone() }, &full).unwrap();
+        let mut other = full.clone();
+        other.motions[3].frames[0][0] = 0.25;
+        let refused = |grid: &Grid, full: &PreparedSet| check(grid, full).unwrap_err().to_string();
+        assert!(refused(&grid, &other).contains("other data"));
+        let longer = crate::experiments::grid::tests::grid("folds = 4\n[run.training]\nbatch_size = 9\n");
+        assert!(refused(&longer, &full).contains("batch_size"));
+        begun(&RunFacts { device: "another processor".to_owned(), ..facts.clone() });
+        assert!(refused(&grid, &full).contains("another processor"));
+        begun(&RunFacts { rprae: "0.0.0".to_owned(), ..facts });
+        assert!(refused(&grid, &full).contains("version 0.0.0"));
+    }
 }

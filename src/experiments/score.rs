@@ -11,7 +11,7 @@ use crate::evaluation::motion::{
     Embeddings, PoseComparison, Poses, PosesError, Rank, Retrieval, SetScore, diversity, frechet_score,
     pair_distance,
 };
-use crate::evaluation::{Corpus, CorpusError, Measurement, Segment};
+use crate::evaluation::{Clusters, Corpus, CorpusError, Measurement, Segment};
 use crate::features::{Pair, PreparedSet};
 use crate::humanoid::Humanoid;
 use crate::model::{Bundle, MotionLength};
@@ -31,6 +31,14 @@ pub enum ScoreError {
         id: String,
         /// What is wrong with it.
         error: PosesError,
+    },
+    /// A motion that no encoder reads.
+    #[error(
+        "score the motion of {id}: it has a single frame, and two are needed; prepare the set without it"
+    )]
+    TooShort {
+        /// The motion.
+        id: String,
     },
     /// Captions that cannot be scored.
     #[error(transparent)]
@@ -88,6 +96,8 @@ pub struct Outcome {
     pub described: Vec<Described>,
     /// Motions of all pairs.
     pub performed: Vec<Performed>,
+    /// Pairs whose caption no pair learned from has: the others are of motions that were held out, but no new sentences.
+    pub num_unseen_captions: usize,
     /// Captions with their references.
     pub captions: Corpus,
     /// The most frequent training caption, for every motion.
@@ -96,15 +106,17 @@ pub struct Outcome {
     pub nearest: Corpus,
     /// Captions read back from the motions made from captions.
     pub read_back: Corpus,
+    /// Which pairs are captions of one motion; [`Outcome::performed`] and what is measured of it are drawn so.
+    pub clusters: Clusters,
     /// What was looked for, named.
     pub retrievals: Vec<Retrieval>,
     /// Distance of captions from the motions made from them, and from the recorded ones.
     pub pair_distances: [Measurement; 2],
-    /// FID of the motions made, their diversity, and that of the recorded ones.
+    /// FID of the motions made, their diversity, and that of the recorded ones, each recording once.
     pub sets: Vec<SetScore>,
     /// The motions made, normalised by the set, for pictures.
     pub motions: Vec<Vec<[f32; NUM_CHANNELS]>>,
-    /// Latents of captions, of recorded motions, and of motions made.
+    /// Latents of captions, of recorded motions, and of motions made, one of each a pair.
     pub latents: [Embeddings; 3],
 }
 
@@ -113,7 +125,8 @@ impl Outcome {
     #[must_use]
     pub fn pose_measurements(&self) -> Vec<Measurement> {
         let comparisons: Vec<PoseComparison> = self.performed.iter().map(|one| one.pose).collect();
-        PoseComparison::measure(&comparisons)
+        let measured = PoseComparison::measure(&comparisons).into_iter();
+        measured.map(|measurement| measurement.clustered(&self.clusters)).collect()
     }
 }
 
@@ -137,20 +150,29 @@ pub fn score(
     if bundle.config.rate_hz != set.rate_hz || bundle.config.root != set.root {
         return Err(ScoreError::OtherMotions);
     }
-    let poses = recorded_poses(set, pairs, humanoid)?;
     let asked: BTreeSet<usize> = pairs.iter().map(|pair| pair.motion).collect();
     let asked: Vec<usize> = asked.into_iter().collect();
+    if let Some(&motion) = asked.iter().find(|&&motion| set.motions[motion].frames.len() < 2) {
+        return Err(ScoreError::TooShort { id: set.motions[motion].id.clone() });
+    }
+    let poses = recorded_poses(set, pairs, humanoid)?;
     let described = describe_all(bundle, set, &asked, &poses);
     let captions: Vec<&[u32]> =
         pairs.iter().map(|pair| set.captions[pair.caption].words.as_slice()).collect();
     let made = perform(bundle, set, &captions);
 
     let in_judge = judge.renormalized(&made, &set.normalizer);
+    // A recording is embedded once, however many captions it has.
     let recorded: Vec<Vec<[f32; NUM_CHANNELS]>> =
-        pairs.iter().map(|pair| set.motions[pair.motion].frames.clone()).collect();
+        asked.iter().map(|&motion| set.motions[motion].frames.clone()).collect();
     let recorded = judge.renormalized(&recorded, &set.normalizer);
+    let recording: BTreeMap<usize, usize> =
+        asked.iter().enumerate().map(|(at, &motion)| (motion, at)).collect();
+    let recording: Vec<usize> = pairs.iter().map(|pair| recording[&pair.motion]).collect();
+    let clusters = Clusters::of(&recording);
     let of_captions = judge.embed_captions(&captions)?;
-    let (of_recorded, of_made) = (judge.embed_motions(&recorded)?, judge.embed_motions(&in_judge)?);
+    let (of_recordings, of_made) = (judge.embed_motions(&recorded)?, judge.embed_motions(&in_judge)?);
+    let of_recorded = of_recordings.select(&recording);
     let read_back = describe(judge.bundle, &in_judge);
 
     let made_poses = pairs
@@ -169,6 +191,7 @@ pub fn score(
     let retrieval = |names, queries: &Embeddings, candidates: &Embeddings, once: bool| {
         let is_wrong = |a: usize, b: usize| if once { is_other_motion(a, b) } else { is_other(a, b) };
         Retrieval::new(names, &judge.name, num, is_wrong, |a, b| queries.distance(a, candidates, b))
+            .clustered(&clusters)
     };
     let by_poses = Retrieval::new(
         ("generated-motion", "recorded-motion"),
@@ -180,7 +203,8 @@ pub fn score(
                 .get(&pairs[b].motion)
                 .map_or(f64::NAN, |other| made_poses[a].distance_over_course_m(other, MOMENTS))
         },
-    );
+    )
+    .clustered(&clusters);
     let retrievals = vec![
         retrieval(("caption", "generated-motion"), &of_captions, &of_made, false),
         retrieval(("generated-motion", "caption"), &of_made, &of_captions, false),
@@ -203,9 +227,10 @@ pub fn score(
             pose_rank: retrievals[2].ranks[place],
         })
         .collect();
-    let mut sets = vec![frechet_score(&of_made, &of_recorded, &judge.name)];
-    sets.extend(diversity(&of_made, "generated-motion", &judge.name));
-    sets.extend(diversity(&of_recorded, "recorded-motion", &judge.name));
+    let mut sets = vec![frechet_score(&of_made, &of_recordings, &recording, &judge.name)];
+    sets.extend(diversity(&of_made, &clusters, "generated-motion", &judge.name));
+    let alone = Clusters::singles(of_recordings.len());
+    sets.extend(diversity(&of_recordings, &alone, "recorded-motion", &judge.name));
 
     let most_frequent = most_frequent_caption(set);
     let of_motions = |write: &dyn Fn(usize) -> String| {
@@ -213,8 +238,11 @@ pub fn score(
         Corpus::new(segments.collect())
     };
     let back = pairs.iter().zip(&read_back).map(|(pair, caption)| segment(set, pair.motion, caption.clone()));
+    let seen: BTreeSet<&[u32]> =
+        set.paired.iter().map(|pair| set.captions[pair.caption].words.as_slice()).collect();
     Ok(Outcome {
         evaluator: judge.name.clone(),
+        num_unseen_captions: captions.iter().filter(|words| !seen.contains(*words)).count(),
         captions: of_motions(&|place| described[place].caption.clone())?,
         most_frequent: of_motions(&|_| most_frequent.clone())?,
         nearest: of_motions(&|place| described[place].nearest.clone())?,
@@ -222,9 +250,10 @@ pub fn score(
         described,
         performed,
         pair_distances: [
-            pair_distance(&of_captions, &of_made, &judge.name),
-            pair_distance(&of_captions, &of_recorded, &judge.name),
+            pair_distance(&of_captions, &of_made, &judge.name).clustered(&clusters),
+            pair_distance(&of_captions, &of_recorded, &judge.name).clustered(&clusters),
         ],
+        clusters,
         retrievals,
         sets,
         motions: made,
@@ -232,7 +261,8 @@ pub fn score(
     })
 }
 
-/// A caption with all the captions people gave the motion.
+/// A caption with all the captions people gave the motion, as they wrote them: capitals and marks are not cut away, though a
+/// model may write neither.
 fn segment(set: &PreparedSet, motion: usize, hypothesis: String) -> Segment {
     let references = set.captions.iter().filter(|caption| caption.motion == Some(motion));
     Segment {
@@ -307,6 +337,7 @@ pub(super) mod tests {
 
     use super::*;
     use crate::experiments::poses::humanoid;
+    use crate::features::CaptionFeatures;
     use crate::model::Rprae;
     use crate::model::tests::tiny;
     use crate::training::tests::four_pairs;
@@ -338,6 +369,48 @@ pub(super) mod tests {
         assert_eq!(found.sets.len(), 3);
         assert!(found.evaluator.starts_with("rae-") && found.evaluator.len() == 16);
         assert_eq!(outcome().evaluator, found.evaluator, "equal weights have equal names");
+    }
+
+    #[test]
+    fn a_recording_counts_once_however_many_captions_it_has() {
+        let mut set = four_pairs();
+        let bundle = Bundle::new(&Rprae::new(&tiny(), &set.vocabulary, 1, &Device::flex()), &tiny(), &set);
+        // The first motion gets the caption of every other one too.
+        for place in 1..4 {
+            let caption = CaptionFeatures { motion: Some(0), ..set.captions[place].clone() };
+            set.paired.push(Pair { motion: 0, caption: set.captions.len() });
+            set.captions.push(caption);
+        }
+        let humanoid = humanoid().unwrap();
+        let many = score(&bundle, &Evaluator::new(&bundle), &set, &set.paired, &humanoid).unwrap();
+        let once = outcome();
+        assert_eq!((many.performed.len(), many.described.len(), many.clusters.len()), (7, 4, 4));
+        assert_eq!(many.num_unseen_captions, 0, "they are the ones learned from");
+        let mut apart = set.clone();
+        let test = apart.paired.split_off(2);
+        let apart = score(&bundle, &Evaluator::new(&bundle), &apart, &test, &humanoid).unwrap();
+        // Of the five, the first motion's copy of the second caption was learned from.
+        assert_eq!(apart.num_unseen_captions, 4);
+        let recorded = |found: &Outcome| (found.sets[2].value, found.sets[2].signature.clone());
+        assert_eq!(recorded(&many), recorded(&once));
+        assert!(recorded(&once).1.as_str().contains("|n:4|"), "{}", recorded(&once).1);
+        assert!(many.sets[0].signature.as_str().contains("|n:7|recorded:4|"), "{}", many.sets[0].signature);
+        let measured = many.pose_measurements();
+        assert!(measured.iter().chain(&many.pair_distances).all(|found| found.clusters == many.clusters));
+        assert!(many.retrievals.iter().all(|found| found.clusters == many.clusters));
+    }
+
+    #[test]
+    fn a_motion_of_one_frame_is_named() {
+        let mut set = four_pairs();
+        let bundle = Bundle::new(&Rprae::new(&tiny(), &set.vocabulary, 1, &Device::flex()), &tiny(), &set);
+        set.motions[2].frames.truncate(1);
+        let humanoid = humanoid().unwrap();
+        let scored = |pairs: &[Pair]| score(&bundle, &Evaluator::new(&bundle), &set, pairs, &humanoid);
+        let error = scored(&set.paired).unwrap_err().to_string();
+        assert!(error.contains(&set.motions[2].id) && error.contains("single frame"), "{error}");
+        // Beside the ones that are scored, it may well be.
+        assert_eq!(scored(&set.paired[..2]).unwrap().performed.len(), 2);
     }
 
     #[test]

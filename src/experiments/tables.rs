@@ -3,11 +3,13 @@
 use std::fmt::Write as _;
 
 use super::amounts::Amount;
-use super::collect::{Row, SeedScores};
-use super::estimate::{Estimate, difference, estimate};
+use super::collect::Row;
+use super::differences::{Against, BASELINES, COMPARED, OF, Pick, WITHOUT_STAGE_1, differences, relative};
+use super::estimate::{Difference, Estimate, estimate};
 use super::grid::{Grid, Role};
 use super::paper::{PaperRow, ROWS};
-use crate::evaluation::{Measurement, Resampling, relative_performance};
+use super::records::REFERENCES;
+use crate::evaluation::{Measurement, Resampling};
 use crate::report::Interval;
 
 /// Scores of captions in the order of the paper's columns, and its column of each.
@@ -20,9 +22,6 @@ const TEXT_SCORES: [(&str, &str, Option<usize>); 7] = [
     ("bertscore-f", "F", Some(3)),
     ("cosine", "cosine", Some(4)),
 ];
-
-/// Captions written, or read back.
-type Pick = fn(&SeedScores) -> &[Measurement];
 
 /// All tables as Markdown.
 #[must_use]
@@ -41,7 +40,7 @@ pub fn tables(grid: &Grid, rows: &[Row]) -> String {
     }
     writer.text_table(
         &mut text,
-        "Table 4: captions read back from motions made from held-out captions",
+        "Table 4: captions read back from motions made from captions of held-out motions",
         read_back,
         &main,
     );
@@ -53,6 +52,7 @@ pub fn tables(grid: &Grid, rows: &[Row]) -> String {
     writer.stage1(&mut text);
     writer.baselines(&mut text);
     writer.motions(&mut text);
+    writer.foot(&mut text);
     paper_tables(&mut text);
     text
 }
@@ -68,6 +68,7 @@ impl Writer<'_> {
         let parts = &reference.seeds[0].parts;
         let motions: usize = parts.iter().map(|part| part.described.len()).sum();
         let captions: usize = parts.iter().map(|part| part.performed.len()).sum();
+        let unseen: usize = parts.iter().map(|part| part.num_unseen_captions).sum();
         let how = if grid.folds == 0 {
             "the test split of the prepared set".to_owned()
         } else {
@@ -81,12 +82,38 @@ impl Writer<'_> {
             )
         };
         format!(
-            "# Tables\n\nScored: {motions} motions and their {captions} captions ({how}), {} seeds. `[low, high]`: 95 % \
-             intervals over motions\nor captions ({} draws) of the mean over seeds; `(a / b)`: the score of each seed. \
-             Read back and embedded by the reference model\n(all pairs, no stage 1) of the same seed and part.\n",
+            "# Tables\n\nScored: {motions} motions and their {captions} captions ({how}), {} seeds. Of these captions \
+             {unseen} are sentences that no pair of the\nreference has; the others people said of other motions too. Read back and \
+             embedded by the reference model\n(all pairs, no stage 1) of the same seed and part. The foot says what \
+             intervals and signs mean.\n",
             grid.seeds.len(),
-            self.resampling.num_resamples
         )
+    }
+
+    /// What the numbers are, and what they are not.
+    fn foot(&self, text: &mut String) {
+        let _ = writeln!(
+            text,
+            "\n## How to read these tables\n\n\
+             - `[low, high]`: 95 % interval of the mean over seeds. Motions are drawn with replacement ({} draws), each with \
+             all its captions, since these are not independent; two systems are compared over the same draws. Below five \
+             motions there is none.\n\
+             - `± s (a / b)`: the standard deviation over seeds, and the value of each. It is not in the interval: another \
+             seed may move a number by as much again.\n\
+             - `*`: the interval of a difference excludes 0, and every seed is on the same side of it.\n\
+             - References are {REFERENCES}.",
+            self.resampling.num_resamples
+        );
+        let there = self.keys(|seed| &seed.captions);
+        let absent: Vec<&str> =
+            TEXT_SCORES.iter().filter(|score| !there.contains(score)).map(|(key, ..)| *key).collect();
+        if !absent.is_empty() {
+            let _ = writeln!(
+                text,
+                "- Not scored, for want of an encoder (`--encoder`, `--sentence-encoder`): {}.",
+                absent.join(", ")
+            );
+        }
     }
 
     /// Scores that were computed: those of the encoders may be absent.
@@ -115,17 +142,7 @@ impl Writer<'_> {
         let headings: Vec<&str> = keys.iter().map(|(_, name, _)| *name).collect();
         begin(text, title, &headings);
         for row in self.rows.iter().filter(|row| is_shown(row)) {
-            let relative = |key: &str| {
-                let reference = self.estimate(&self.rows[0], |seed| &seed.captions, key)?.value;
-                let kept = self.estimate(row, |seed| &seed.read_back, key)?;
-                let percent = |value| relative_performance(value, reference);
-                let interval = match kept.interval {
-                    Some(ends) => Some(Interval { low: percent(ends.low)?, high: percent(ends.high)? }),
-                    None => None,
-                };
-                let seeds = kept.seeds.iter().map(|&value| percent(value)).collect::<Option<_>>()?;
-                Some(Estimate { value: percent(kept.value)?, interval, seeds })
-            };
+            let relative = |key: &str| relative(self.rows, row, key, self.resampling);
             let cells: Vec<String> = keys.iter().map(|(key, ..)| show(relative(key).as_ref(), 1)).collect();
             line(text, row, &cells);
         }
@@ -135,66 +152,63 @@ impl Writer<'_> {
         );
     }
 
+    /// The scores that are compared, those that were computed.
+    fn compared(&self) -> Vec<(&'static str, &'static str)> {
+        let there = self.keys(|seed| &seed.captions);
+        let there = there.into_iter().filter(|(key, ..)| COMPARED.contains(key));
+        there.map(|(key, name, _)| (key, if key == "bertscore-f" { "BERTScore F" } else { name })).collect()
+    }
+
     /// Models with stage 1 against those without, at equal pairs.
     fn stage1(&self, text: &mut String) {
-        let _ = writeln!(
-            text,
-            "\n## What stage 1 gives: with minus without, at equal pairs\n\n`*`: the interval excludes 0. Intervals are over \
-             motions and captions that both share; seeds are paired.\n\n\
-             | pairs | non-paired | captions BLEU-4 | ROUGE-L | CIDEr-D | read back BLEU-4 | ROUGE-L | CIDEr-D |\n\
-             |---|---|---|---|---|---|---|---|"
-        );
+        let keys = self.compared();
+        let names = ["captions", "read back"]
+            .map(|of| keys.iter().map(|(_, name)| format!("{of} {name}")).collect::<Vec<_>>());
+        let names = names.concat();
+        let headings: Vec<&str> = names.iter().map(String::as_str).collect();
+        begin(text, "What stage 1 gives: with minus without, at equal pairs", &headings);
         for row in self.rows.iter().filter(|row| row.role == Role::Proposed) {
-            let without =
-                self.rows.iter().find(|other| other.role == Role::Vanilla && other.paired == row.paired);
-            let Some(without) = without else { continue };
+            let found = differences(self.rows, row, self.resampling);
             let mut cells = Vec::new();
-            for pick in [(|seed| &seed.captions) as Pick, |seed| &seed.read_back] {
-                for key in ["bleu-4", "rouge-l", "cider-d"] {
-                    cells.push(self.differ((row, pick), (without, pick), key));
-                }
+            for (of, _) in OF {
+                cells.extend(keys.iter().map(|(key, _)| differ(&found, (of, WITHOUT_STAGE_1), key)));
             }
             line(text, row, &cells);
         }
     }
 
-    fn differ(&self, (ours, pick): (&Row, Pick), (other, pick_other): (&Row, Pick), key: &str) -> String {
-        let (Some(ours), Some(others)) = (ours.over_seeds(pick, key), other.over_seeds(pick_other, key))
-        else {
-            return "-".to_owned();
-        };
-        let found = difference(&ours, &others, self.resampling);
-        let mark = if found.is_significant() { " *" } else { "" };
-        format!("{:+.3} {}{mark}", found.value, ends(found.interval, 3))
-    }
-
     /// Every model against captions that take no model.
     fn baselines(&self, text: &mut String) {
-        let _ = writeln!(
-            text,
-            "\n## Against captions without a model\n\nThe most frequent caption of the pairs learned from, and the caption of \
-             the nearest of their motions in pose space.\n`*`: the interval of the difference excludes 0.\n\n\
-             | pairs | non-paired | BLEU-4 | most frequent | difference | nearest | difference | CIDEr-D | most frequent | \
-             difference | nearest | difference |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
-        );
+        let keys = self.compared();
+        let mut headings = Vec::new();
+        for (_, name) in &keys {
+            headings.extend([*name, "most frequent", "difference", "nearest", "difference"]);
+        }
+        begin(text, "Against captions without a model", &headings);
         for row in self.rows {
+            let found = differences(self.rows, row, self.resampling);
             let mut cells = Vec::new();
-            for key in ["bleu-4", "cider-d"] {
+            for (key, _) in &keys {
                 let value = |pick: Pick| {
                     self.estimate(row, pick, key)
                         .map_or_else(|| "-".to_owned(), |found| format!("{:.3}", found.value))
                 };
                 cells.push(value(|seed| &seed.captions));
-                for baseline in [(|seed| &seed.most_frequent) as Pick, |seed| &seed.nearest] {
+                for (name, baseline) in BASELINES {
                     cells.push(value(baseline));
-                    cells.push(self.differ((row, |seed| &seed.captions), (row, baseline), key));
+                    cells.push(differ(&found, ("captions", name), key));
                 }
             }
             line(text, row, &cells);
         }
+        let _ = writeln!(
+            text,
+            "\nThe most frequent caption of the pairs learned from, and the caption of the nearest of their motions in pose \
+             space."
+        );
     }
 
-    /// Scores of the motions made from held-out captions.
+    /// Scores of the motions made from captions of held-out motions.
     fn motions(&self, text: &mut String) {
         let chance: Vec<String> = self.rows[0].seeds[0].retrievals[..3]
             .iter()
@@ -202,7 +216,7 @@ impl Writer<'_> {
             .collect();
         let _ = writeln!(
             text,
-            "\n## Motions made from held-out captions\n\nTop 3: the motion made is among the three nearest to its caption in \
+            "\n## Motions made from captions of held-out motions\n\nTop 3: the motion made is among the three nearest to its caption in \
              the reference's latent space (chance {}); its\ncaption is among the three nearest to it (chance {}); the recorded \
              motion is among the three nearest in pose space, without a\nmodel (chance {}). FID and diversity: mean over \
              seeds and parts. Pose errors in mm relative to the root's place and\nheading: as it comes, warped in time, and \
@@ -262,6 +276,12 @@ fn line(text: &mut String, row: &Row, cells: &[String]) {
     let non_paired = match row.non_paired {
         None => "0".to_owned(),
         Some(Amount::All) => format!("all ({captions:.0} captions, {motions:.0} motions)"),
+        // Where one kind is short, what there was.
+        Some(Amount::Some(amount))
+            if [captions, motions].iter().any(|&found| found.round() as usize != amount) =>
+        {
+            format!("{amount} ({captions:.0} captions, {motions:.0} motions)")
+        }
         Some(Amount::Some(amount)) => amount.to_string(),
     };
     let _ = writeln!(text, "| {paired} | {non_paired} | {} |", cells.join(" | "));
@@ -269,9 +289,25 @@ fn line(text: &mut String, row: &Row, cells: &[String]) {
 
 fn show(found: Option<&Estimate>, digits: usize) -> String {
     let Some(found) = found else { return "-".to_owned() };
-    let seeds: Vec<String> = found.seeds.iter().map(|value| format!("{value:.digits$}")).collect();
-    let seeds = if seeds.len() > 1 { format!(" ({})", seeds.join(" / ")) } else { String::new() };
+    let seeds = over_seeds(found.spread, &found.seeds, |value| format!("{value:.digits$}"));
     format!("{:.digits$} {}{seeds}", found.value, ends(found.interval, digits))
+}
+
+/// A difference among those of a row.
+fn differ(found: &[Against], (of, against): (&str, &str), key: &str) -> String {
+    let wanted = |one: &&Against| (one.of, one.against, one.key) == (of, against, key);
+    let Some(Against { difference, .. }) = found.iter().find(wanted) else { return "-".to_owned() };
+    let Difference { value, interval, spread, seeds } = difference;
+    let mark = if difference.is_significant() { " *" } else { "" };
+    let seeds = over_seeds(*spread, seeds, |value| format!("{value:+.3}"));
+    format!("{value:+.3} {}{seeds}{mark}", ends(*interval, 3))
+}
+
+/// How far seeds differ, and each of them; nothing for a single one.
+fn over_seeds(spread: Option<f64>, seeds: &[f64], show: impl Fn(f64) -> String) -> String {
+    let Some(spread) = spread else { return String::new() };
+    let seeds: Vec<String> = seeds.iter().map(|&value| show(value)).collect();
+    format!(" ± {} ({})", show(spread).trim_start_matches('+'), seeds.join(" / "))
 }
 
 fn ends(interval: Option<Interval>, digits: usize) -> String {
@@ -302,31 +338,61 @@ fn paper_tables(text: &mut String) {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::evaluation::Panel;
     use crate::experiments::collect::join;
     use crate::experiments::score::tests::outcome;
 
-    #[test]
-    fn all_tables_stand_beside_the_papers() {
-        let grid: Grid =
-            toml::from_str("prepared = \"set\"\nseeds = [1]\npaired = [2, \"all\"]\nnon_paired = [3]\n")
-                .unwrap();
+    /// Four rows of equal scores, as many seeds of each.
+    pub(in crate::experiments) fn rows(num_seeds: usize) -> [Row; 4] {
+        let seed = join(vec![outcome()], &Panel::default()).unwrap();
         let row = |paired, role, non_paired| Row {
             paired,
             role,
             non_paired,
             num_pairs: 4.0,
             num_non_paired: [4.0, 4.0],
-            seeds: vec![join(vec![outcome()], &Panel::default()).unwrap()],
+            seeds: vec![seed.clone(); num_seeds],
         };
-        let rows = [
+        [
             row(Amount::All, Role::Vanilla, None),
             row(Amount::Some(2), Role::Vanilla, None),
             row(Amount::Some(2), Role::Proposed, Some(Amount::All)),
             row(Amount::Some(2), Role::Proposed, Some(Amount::Some(3))),
-        ];
+        ]
+    }
+
+    pub(in crate::experiments) fn grid(seeds: &str) -> Grid {
+        toml::from_str(&format!(
+            "prepared = \"set\"\nseeds = {seeds}\npaired = [2, \"all\"]\nnon_paired = [3]\n"
+        ))
+        .unwrap()
+    }
+
+    #[test]
+    fn seeds_are_shown_beside_the_interval_over_motions() {
+        let mut rows = rows(2);
+        // The second seed of the model with stage 1 writes something else.
+        let other: Vec<f64> = vec![0.5; 4];
+        for found in rows[2].seeds[1].captions.iter_mut().filter(|found| found.key == "rouge-l") {
+            *found = Measurement::of_values(found.key, found.signature.clone(), other.clone());
+        }
+        let text = tables(&grid("[1, 2]"), &rows);
+        let found = differences(&rows, &rows[2], Resampling::default());
+        let one = found.iter().find(|one| one.against == WITHOUT_STAGE_1 && one.key == "rouge-l").unwrap();
+        let spread = one.difference.spread.unwrap();
+        assert!(spread > 0.0 && text.contains(&format!("± {spread:.3} (+0.000 / ")), "{text}");
+        assert!(text.contains("each with all its captions") && text.contains("± s (a / b)"), "{text}");
+        // Three non-paired samples were asked for, and there were four of each.
+        assert!(text.contains("| 3 (4 captions, 4 motions) |"), "{text}");
+        assert!(text.contains("cosine.") && text.contains("Not scored"), "{text}");
+    }
+
+    #[test]
+    fn all_tables_stand_beside_the_papers() {
+        let grid = grid("[1]");
+        let rows = rows(1);
         let text = tables(&grid, &rows);
         for number in 2..=7 {
             assert!(text.contains(&format!("## Table {number}: ")), "{number}");

@@ -104,7 +104,7 @@ impl RunFolder {
         let manifest = initial_manifest(settings, dataset);
         if is_run && overwrite {
             remove_run(path)?;
-        } else if is_run && let Some(difference) = difference(path, &settings_text, &manifest) {
+        } else if is_run && let Some(difference) = difference(path, settings, &manifest) {
             return Err(FolderError::OtherRun { path: path.to_owned(), difference });
         }
         let folder = Self { path: path.to_owned(), _lock: lock };
@@ -196,8 +196,10 @@ fn named(path: &Path, error: &io::Error) -> io::Error {
 }
 
 /// What keeps the run in a folder from being continued; `None` when nothing does.
-fn difference(path: &Path, settings_text: &str, manifest: &Manifest) -> Option<String> {
-    if fs::read_to_string(path.join(SETTINGS_FILE)).ok().as_deref() != Some(settings_text) {
+fn difference(path: &Path, settings: &RunSettings, manifest: &Manifest) -> Option<String> {
+    let saved = RunSettings::read(&path.join(SETTINGS_FILE)).ok();
+    // Models and vectors may have moved; their checksums are compared.
+    if saved.map(RunSettings::without_places) != Some(settings.clone().without_places()) {
         return Some("it was started with other settings".to_owned());
     }
     let saved: Option<Manifest> =
@@ -312,6 +314,29 @@ mod tests {
         fs::write(path.join(MANIFEST_FILE), serde_json::to_string(&manifest).unwrap()).unwrap();
         let refused = open(&path, &other, false).unwrap_err();
         assert!(refused.to_string().contains("another build"), "{refused}");
+    }
+
+    #[test]
+    fn a_model_may_move_but_not_change() {
+        use crate::harness::LanguageSettings;
+        let parent = tempfile::tempdir().unwrap();
+        let path = parent.path().join("run");
+        let with = |bundle: &str, vectors: &str, vectors_sha256: &str, encoder_sha256: &str| RunSettings {
+            language: Some(LanguageSettings {
+                bundle: Some(bundle.into()),
+                vectors: Some(vectors.into()),
+                vectors_sha256: vectors_sha256.to_owned(),
+                sentence_encoder_sha256: encoder_sha256.to_owned(),
+                ..LanguageSettings::default()
+            }),
+            ..RunSettings::default()
+        };
+        drop(open(&path, &with("a", "b", "1", "2"), false).unwrap());
+        drop(open(&path, &with("elsewhere", "moved", "1", "2"), false).unwrap());
+        for (vectors_sha256, encoder_sha256) in [("3", "2"), ("1", "4")] {
+            let refused = open(&path, &with("a", "b", vectors_sha256, encoder_sha256), false).unwrap_err();
+            assert!(refused.to_string().contains("other settings"), "{refused}");
+        }
     }
 
     #[test]

@@ -81,23 +81,44 @@ impl<'a> Generated<'a> {
         body.mass_kg = self.settings.mass_kg.unwrap_or(body.mass_kg);
         let acting = Acting { length_secs: settings.length_secs, settle_secs: settings.settle_secs, body };
         let seed = self.settings.seed;
-        let made = translator.act_often(&latent, &acting, settings.n_best, settings.noise, seed);
-        let mut motions: Vec<Motion> = made
-            .map_err(|error| error.to_string())?
-            .iter()
-            .map(|made| upsampled(&made.motion, RATE_HZ).map_err(|error| error.to_string()))
-            .collect::<Result<_, _>>()?;
-        let (kept, candidates) =
-            if motions.len() > 1 { choose(&motions, &self.settings.simulation)? } else { (0, Vec::new()) };
+        let made = translator
+            .act_often(&latent, &acting, settings.n_best, settings.noise, seed)
+            .map_err(|error| error.to_string())?;
+        let mut left_out: Vec<String> = made.left_out.iter().map(|(_, error)| error.to_string()).collect();
+        let mut motions: Vec<Motion> = Vec::new();
+        for (number, acted) in made.motions {
+            match upsampled(&acted.motion, RATE_HZ) {
+                Ok(motion) => motions.push(motion),
+                // The first is what the sentence says.
+                Err(error) if number == 0 => return Err(error.to_string()),
+                Err(error) => left_out.push(error.to_string()),
+            }
+        }
+        let (motion, candidates) = if settings.n_best > 1 {
+            choose(motions, &self.settings.simulation, &mut left_out)?
+        } else {
+            (motions.swap_remove(0), Vec::new())
+        };
+        let mut warnings: Vec<String> = reading.notes.iter().map(ToString::to_string).collect();
+        warnings.extend(left_out_note(&left_out, settings.n_best));
         let sample = Sample {
             id: id.clone(),
-            motion: motions.swap_remove(kept),
+            motion,
             captions: vec![sentence.clone()],
-            warnings: reading.notes.iter().map(ToString::to_string).collect(),
+            warnings,
             source: PathBuf::from("made of its caption"),
         };
         Ok((sample, candidates))
     }
+}
+
+/// How many of the motions of a sentence were no choice, and why not.
+fn left_out_note(reasons: &[String], n_best: usize) -> Option<String> {
+    let first = reasons.first()?;
+    Some(format!(
+        "{} of {n_best} motions made of it are left out, the first since it failed to {first}",
+        reasons.len()
+    ))
 }
 
 impl Source for Generated<'_> {
@@ -197,6 +218,26 @@ mod tests {
                 assert_eq!(*value, score.value, "{}", score.metric.key);
             }
         }
+    }
+
+    #[test]
+    fn marks_that_the_model_cannot_write_do_not_count_against_it() {
+        let (language, settings) = (language(), settings(1));
+        let source = Generated::new(None, sentences(&["word0004"]), "made".to_owned(), &language, &settings);
+        let (sample, _) = source.load_chosen(0).unwrap();
+        let read =
+            |caption: &str| language.read_back(&sample.motion, &[caption.to_owned()]).unwrap().unwrap();
+        let plain = read("word0004 word0005 word0006");
+        assert_eq!(read("Word0004, word0005 word0006."), plain);
+        assert!(plain.bleu.is_finite());
+    }
+
+    #[test]
+    fn what_was_left_out_is_told() {
+        let reasons = ["judge it".to_owned(), "make it".to_owned()];
+        let note = left_out_note(&reasons, 5).unwrap();
+        assert_eq!(note, "2 of 5 motions made of it are left out, the first since it failed to judge it");
+        assert_eq!(left_out_note(&[], 5), None);
     }
 
     #[test]

@@ -11,9 +11,10 @@ use sha2::{Digest as _, Sha256};
 
 use super::SettingsProblem;
 use super::language_metrics::{LANGUAGE_METRICS, of_encoder};
-use crate::evaluation::encoder::{Encoder, EncoderError, Pooling};
+use crate::evaluation::encoder::{Encoder, EncoderError};
 use crate::evaluation::{Bleu, Corpus, Segment, Smoothing, cosine};
 use crate::manifest::{hex, sha256_hex};
+use crate::model::BUNDLE_FILES;
 use crate::motion::{Motion, bounds};
 use crate::report::MetricRecord;
 use crate::simulation::Level;
@@ -25,7 +26,7 @@ const MAX_N_BEST: usize = 1000;
 /// How motions are read back.
 const READ_BACK: Search = Search { beam: 5, n_best: 1, length_exponent: 0.7, most_words: None };
 
-/// Sentence BLEU-4 over lower-case words and marks; an order without a match counts a tenth of one.
+/// Sentence BLEU-4 over lower-case words and those marks that the model has words for; an order without a match counts a tenth of one.
 const SENTENCE_BLEU: Bleu = Bleu { smoothing: Smoothing::NltkEpsilon(0.1), ..Bleu::PAPER };
 
 /// A model in the loop: what it is, and what motions are made with it.
@@ -50,8 +51,13 @@ pub struct LanguageSettings {
     pub height_m: f64,
     /// Word vectors for words the model was not trained on.
     pub vectors: Option<PathBuf>,
+    /// Checksum over the words that got a vector of that file, and over the vectors; empty where none did. Filled in when a
+    /// run starts.
+    pub vectors_sha256: String,
     /// Folder of a sentence encoder for the cosine between sentences.
     pub sentence_encoder: Option<PathBuf>,
+    /// Checksum of the weights of that encoder; empty without one. Filled in when a run starts.
+    pub sentence_encoder_sha256: String,
 }
 
 impl Default for LanguageSettings {
@@ -66,7 +72,9 @@ impl Default for LanguageSettings {
             settle_secs: DEFAULT_SETTLE_SECS,
             height_m: 1.75,
             vectors: None,
+            vectors_sha256: String::new(),
             sentence_encoder: None,
+            sentence_encoder_sha256: String::new(),
         }
     }
 }
@@ -84,15 +92,22 @@ impl LanguageSettings {
             length_secs,
             settle_secs,
             height_m,
-            vectors,
+            vectors: _,
+            vectors_sha256,
             sentence_encoder: _,
+            sentence_encoder_sha256: _,
         } = self;
         let bundle: String = bundle_sha256.chars().take(12).collect();
         let length = length_secs.map_or_else(|| "predicted".to_owned(), |secs| format!("{secs}s"));
         let chosen =
             if *n_best > 1 { format!("n-best:{n_best},{noise},seed{seed}") } else { "n-best:1".to_owned() };
-        let words = if vectors.is_some() { "|vectors:given" } else { "" };
+        let words = vectors_part(vectors_sha256);
         format!("model:{bundle}|{chosen}|length:{length}|settle:{settle_secs}s|height:{height_m}m{words}")
+    }
+
+    /// The same without the places of files whose checksums stand beside them: what must be equal when a run goes on.
+    pub(super) fn without_places(self) -> Self {
+        Self { bundle: None, vectors: None, sentence_encoder: None, ..self }
     }
 
     /// Checks every setting.
@@ -121,7 +136,7 @@ impl LanguageSettings {
 #[derive(Debug)]
 pub struct Language {
     translator: Translator,
-    encoder: Option<(Encoder, Pooling)>,
+    encoder: Option<Encoder>,
     /// What the numbers depend on besides the metric.
     signature: String,
 }
@@ -138,20 +153,19 @@ pub(super) struct ReadBack {
     pub sentence_cosine: Option<f64>,
 }
 
-/// Checksum of everything in a bundle that changes a number, hexadecimal: all files but the model card, by name.
+/// Checksum of everything in a bundle that changes a number, hexadecimal: the files of a bundle by name, without its card and
+/// whatever else lies there.
 ///
 /// # Errors
 /// Any error of the file system.
 pub fn bundle_sha256(folder: &Path) -> std::io::Result<String> {
-    let mut names: Vec<_> =
-        std::fs::read_dir(folder)?.map(|entry| Ok(entry?.file_name())).collect::<std::io::Result<_>>()?;
-    names.retain(|name| name != "README.md");
-    names.sort();
     let mut digest = Sha256::new();
-    for name in names {
-        let bytes = std::fs::read(folder.join(&name))?;
-        digest.update(sha256_hex(name.as_encoded_bytes()));
-        digest.update(sha256_hex(&bytes));
+    for name in BUNDLE_FILES {
+        let path = folder.join(name);
+        if path.exists() {
+            digest.update(sha256_hex(name.as_bytes()));
+            digest.update(sha256_hex(&std::fs::read(path)?));
+        }
     }
     Ok(hex(&digest.finalize()))
 }
@@ -170,11 +184,14 @@ pub(super) enum ReadBackError {
 }
 
 impl Language {
-    /// A model, with the checksum of its bundle, and perhaps an encoder with how it makes one vector of a sentence.
+    /// A model, with the checksum of its bundle, and perhaps an encoder, which pools as it does unless told otherwise. Word
+    /// vectors added to the model later are in no signature.
     #[must_use]
-    pub fn new(translator: Translator, bundle_sha256: &str, encoder: Option<(Encoder, Pooling)>) -> Self {
+    pub fn new(translator: Translator, bundle_sha256: &str, encoder: Option<Encoder>) -> Self {
         let bundle: String = bundle_sha256.chars().take(12).collect();
-        let signature = format!("bundle:{bundle}|beam:{}|len:{}", READ_BACK.beam, READ_BACK.length_exponent);
+        let vectors = vectors_part(&translator.vectors_sha256().unwrap_or_default());
+        let signature =
+            format!("bundle:{bundle}|beam:{}|len:{}{vectors}", READ_BACK.beam, READ_BACK.length_exponent);
         Self { translator, encoder, signature }
     }
 
@@ -194,9 +211,9 @@ impl Language {
                 let mut record = MetricRecord::from(*metric);
                 record.signature = format!("{}|{}", self.signature, metric.signature);
                 if of_encoder(metric) {
-                    let (encoder, pooling) = self.encoder.as_ref()?;
-                    record.signature =
-                        format!("{}|{}", record.signature, encoder.sentence_signature(*pooling));
+                    let encoder = self.encoder.as_ref()?;
+                    let encoder = encoder.sentence_signature(encoder.pooling());
+                    record.signature = format!("{}|{encoder}", record.signature);
                 }
                 Some(record)
             })
@@ -223,25 +240,28 @@ impl Language {
             return Err(ReadBackError::NotFinite);
         }
         let text = described.best().to_owned();
-        let segment = Segment { id: String::new(), hypothesis: text.clone(), references: captions.to_vec() };
+        let references = captions.iter().map(|caption| self.translator.cut(caption));
+        let references = references.filter(|caption| !caption.is_empty()).collect();
+        let segment = Segment { id: String::new(), hypothesis: text.clone(), references };
         let [.., bleu] = SENTENCE_BLEU.measure(&Corpus::new(vec![segment])?);
         let sentence_cosine = match &self.encoder {
-            Some((encoder, pooling)) => Some(nearest(encoder, *pooling, &text, captions)?),
+            Some(encoder) => Some(nearest(encoder, &text, captions)?),
             None => None,
         };
         Ok(Some(ReadBack { text, bleu: bleu.score(), latent_cosine, sentence_cosine }))
     }
 }
 
+/// The part of a signature that names added vectors; nothing without them.
+fn vectors_part(sha256: &str) -> String {
+    let short: String = sha256.chars().take(12).collect();
+    if short.is_empty() { short } else { format!("|vectors:{short}") }
+}
+
 /// Largest cosine between a sentence and some others.
-fn nearest(
-    encoder: &Encoder,
-    pooling: Pooling,
-    text: &str,
-    captions: &[String],
-) -> Result<f64, EncoderError> {
+fn nearest(encoder: &Encoder, text: &str, captions: &[String]) -> Result<f64, EncoderError> {
     let sentences: Vec<&str> = std::iter::once(text).chain(captions.iter().map(String::as_str)).collect();
-    let vectors = encoder.sentence_vectors(&sentences, pooling)?;
+    let vectors = encoder.sentence_vectors(&sentences, encoder.pooling())?;
     Ok(largest(vectors[1..].iter().map(|other| cosine(&vectors[0], other))))
 }
 

@@ -10,17 +10,19 @@ const SHARED: Metric = Metric {
     level: Level::L0,
     better: Better::Higher,
     formula: "",
-    empty: "absent for a motion without a sentence that the model can read",
+    empty: "absent for a motion without a sentence that the model can read, at L2 also for a rollout that failed, so that means of \
+            L0 and L2 may be over different cases; what is lost is over those that have both",
     reference: "this project",
     signature: "v:1",
 };
 
 const BLEU: Metric = Metric {
     title: "caption BLEU",
-    formula: "sentence BLEU-4 of the caption the model reads back from the motion, against the captions of the case, 0..1; \
-              an order without a match counts 0.1",
+    formula: "sentence BLEU-4 of the caption the model reads back from the motion, against the captions of the case cut by the \
+              rule of the model's own words, which drops the marks it cannot write, 0..1; an order without a match counts 0.1; at \
+              L0 of a motion that the same model made it says how consistent the model is with itself",
     reference: "Papineni et al. 2002; smoothing 1 of Chen and Cherry 2014",
-    signature: "bleu4|tok:lower-words|smooth:nltk1[0.1]|v:1",
+    signature: "bleu4|tok:lower-words|references:model-words|smooth:nltk1[0.1]|v:2",
     ..SHARED
 };
 
@@ -57,7 +59,8 @@ pub(super) static BLEU_LOST: Metric = Metric {
     title: "BLEU lost",
     level: Level::L2,
     better: Better::Lower,
-    formula: "meaning lost to physics: l0/caption_bleu minus l2/caption_bleu of the same case",
+    formula: "meaning lost to physics: l0/caption_bleu minus l2/caption_bleu of the same case; what the preparation changes \
+              before (the retargets that the events of the case name) is in it",
     ..BLEU
 };
 
@@ -71,7 +74,8 @@ pub(super) static LATENT_LOST: Metric = Metric {
     title: "latent lost",
     level: Level::L2,
     better: Better::Lower,
-    formula: "meaning lost to physics: l0/caption_latent minus l2/caption_latent of the same case",
+    formula: "meaning lost to physics: l0/caption_latent minus l2/caption_latent of the same case; what the preparation changes \
+              before (the retargets that the events of the case name) is in it",
     ..LATENT
 };
 
@@ -85,7 +89,8 @@ pub(super) static COSINE_LOST: Metric = Metric {
     title: "cosine lost",
     level: Level::L2,
     better: Better::Lower,
-    formula: "meaning lost to physics: l0/caption_cosine minus l2/caption_cosine of the same case",
+    formula: "meaning lost to physics: l0/caption_cosine minus l2/caption_cosine of the same case; what the preparation changes \
+              before (the retargets that the events of the case name) is in it",
     ..COSINE
 };
 
@@ -137,4 +142,19 @@ pub static LANGUAGE_METRICS: &[&Metric] = &[
 /// Whether a metric needs a sentence encoder.
 pub(super) fn of_encoder(metric: &Metric) -> bool {
     metric.key.contains("caption_cosine")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_lost_says_that_the_preparation_is_in_it() {
+        let lost: Vec<&&Metric> =
+            LANGUAGE_METRICS.iter().filter(|metric| metric.key.ends_with("_lost")).collect();
+        assert_eq!(lost.len(), 3);
+        for metric in lost {
+            assert!(metric.formula.contains("what the preparation changes"), "{}", metric.key);
+        }
+    }
 }

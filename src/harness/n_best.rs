@@ -15,27 +15,52 @@ const JUDGED: [&str; 5] =
 /// Tells what the choice costs; standing still is the most plausible motion of all.
 const DYNAMIC: &str = "l0/dynamic_degree";
 
-/// Judges motions of the same sentence and keeps one: the place of the kept one, and all with their scores.
+/// Judges motions of the same sentence and keeps one: the kept one, and all that could be judged with their scores.
 ///
 /// For each score a candidate gets the share of the others that are better; the smallest mean is kept.
 /// Ranks have no unit, so millimetres and newtons need no weights.
 ///
+/// A motion that cannot be judged is left out with its reason, but the first, which is what the sentence says, must be.
+///
 /// # Errors
-/// What stands in the way of scoring, as one line.
+/// What stands in the way of scoring the first, as one line.
 pub(super) fn choose(
-    motions: &[Motion],
+    motions: Vec<Motion>,
     settings: &SimulationSettings,
-) -> Result<(usize, Vec<Candidate>), String> {
-    let scores: Vec<BTreeMap<String, f64>> =
-        motions.iter().map(|motion| judge(motion, settings)).collect::<Result<_, _>>()?;
-    let badness: Vec<f64> = (0..motions.len()).map(|place| badness(&scores, place)).collect();
-    let kept = (0..motions.len()).min_by(|&a, &b| badness[a].total_cmp(&badness[b])).unwrap_or(0);
+    left_out: &mut Vec<String>,
+) -> Result<(Motion, Vec<Candidate>), String> {
+    choose_by(motions, left_out, |motion| judge(motion, settings))
+}
+
+fn choose_by(
+    motions: Vec<Motion>,
+    left_out: &mut Vec<String>,
+    judge: impl Fn(&Motion) -> Result<BTreeMap<String, f64>, String>,
+) -> Result<(Motion, Vec<Candidate>), String> {
+    let mut judged = Vec::new();
+    let mut scores: Vec<BTreeMap<String, f64>> = Vec::new();
+    for motion in motions {
+        match judge(&motion) {
+            Ok(found) => {
+                judged.push(motion);
+                scores.push(found);
+            }
+            Err(reason) if judged.is_empty() => return Err(reason),
+            Err(reason) => left_out.push(reason),
+        }
+    }
+    if judged.is_empty() {
+        return Err("choose among motions: there is none".to_owned());
+    }
+    let badness: Vec<f64> = (0..scores.len()).map(|place| badness(&scores, place)).collect();
+    let kept = (0..scores.len()).min_by(|&a, &b| badness[a].total_cmp(&badness[b])).unwrap_or(0);
     let candidates = scores
         .into_iter()
         .zip(badness)
         .enumerate()
         .map(|(place, (scores, badness))| Candidate { badness, kept: place == kept, scores });
-    Ok((kept, candidates.collect()))
+    let candidates = candidates.collect();
+    Ok((judged.swap_remove(kept), candidates))
 }
 
 fn judge(motion: &Motion, settings: &SimulationSettings) -> Result<BTreeMap<String, f64>, String> {
@@ -114,6 +139,25 @@ mod tests {
             assert_eq!(find_metric(key).unwrap().better, Better::Lower, "{key}");
         }
         assert_eq!(find_metric(DYNAMIC).unwrap().better, Better::Higher);
+    }
+
+    #[test]
+    fn a_candidate_that_cannot_be_judged_is_left_out_alone() {
+        use crate::motion::{Body, Frame};
+        let motion =
+            |frames| Motion::new(Body::with_default_mass(1.75), 100.0, vec![Frame::ZERO; frames]).unwrap();
+        // Longer ones skate less; one frame cannot be judged.
+        let judge = |motion: &Motion| match motion.num_frames() {
+            1 => Err("judge a single frame".to_owned()),
+            frames => Ok(BTreeMap::from([("l0/skate".to_owned(), 1.0 / frames as f64)])),
+        };
+        let mut left_out = Vec::new();
+        let all = vec![motion(2), motion(1), motion(4), motion(3)];
+        let (kept, candidates) = choose_by(all, &mut left_out, judge).unwrap();
+        assert_eq!((kept.num_frames(), candidates.len()), (4, 3));
+        assert!(candidates[1].kept && left_out == ["judge a single frame"], "{left_out:?}");
+        let refused = choose_by(vec![motion(1), motion(2)], &mut left_out, judge).unwrap_err();
+        assert_eq!(refused, "judge a single frame", "without the first there is nothing to gain on");
     }
 
     #[test]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::LanguageSettings;
+use crate::manifest::{SettingsFile, SettingsFileError};
 use crate::motion::bounds;
 use crate::simulation::{JointForm, Level, SettingsError, SimulationSettings};
 
@@ -71,22 +72,9 @@ impl Default for RunSettings {
 /// Why settings cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum SettingsProblem {
-    /// The file cannot be read.
-    #[error("read the settings {path}: {error}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        error: std::io::Error,
-    },
-    /// The file is not settings.
-    #[error("read the settings {path}: {error}")]
-    Toml {
-        /// The file.
-        path: PathBuf,
-        /// Place and reason.
-        error: Box<toml::de::Error>,
-    },
+    /// The file cannot be read, or is not settings.
+    #[error(transparent)]
+    File(#[from] SettingsFileError),
     /// A setting of the simulation is outside its range.
     #[error(transparent)]
     Simulation(#[from] SettingsError),
@@ -108,10 +96,7 @@ impl RunSettings {
     /// # Errors
     /// [`SettingsProblem`] names the file, the place and the reason.
     pub fn read(path: &Path) -> Result<Self, SettingsProblem> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| SettingsProblem::Io { path: path.to_owned(), error })?;
-        toml::from_str(&text)
-            .map_err(|error| SettingsProblem::Toml { path: path.to_owned(), error: Box::new(error) })
+        Ok(SettingsFile::open(path)?.parse()?)
     }
 
     /// The settings as TOML.
@@ -124,6 +109,11 @@ impl RunSettings {
             found: error.to_string(),
             expected: "values that TOML can hold",
         })
+    }
+
+    /// The same without the places of files whose checksums stand beside them.
+    pub(super) fn without_places(self) -> Self {
+        Self { language: self.language.map(LanguageSettings::without_places), ..self }
     }
 
     /// Whether the run has motions that were recorded or handed in: those named, or the bundled suite.

@@ -2,14 +2,17 @@
 //!
 //! In: facts handed over by the harness.
 //! Out: [`RunKey`] (what makes two sets of numbers comparable), [`Manifest`] (what made them), checksums,
-//! and the file operations that keep finished work safe: [`write_file`], [`seal`] and [`unseal`].
+//! the file operations that keep finished work safe: [`write_file`], [`seal`] and [`unseal`]; and settings as they are
+//! written: [`SettingsFile`].
 //! Nothing here knows a motion, a metric or a physics engine.
 
 mod durable;
 mod seal;
+mod settings_file;
 
 pub use durable::write_file;
 pub use seal::{SealError, seal, unseal};
+pub use settings_file::{SettingsFile, SettingsFileError};
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};

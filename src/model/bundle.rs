@@ -1,7 +1,7 @@
 //! A trained model with everything it needs, in one folder that loads without the dataset.
 //!
 //! ```text
-//! BUNDLE/config.json           sizes, decoding, rate, start frame, lengths seen in training
+//! BUNDLE/config.json           sizes, decoding, rate, start frame, lengths seen in training, what it learned from
 //! BUNDLE/vocabulary.json       the words, and which of them have a vector
 //! BUNDLE/vectors.safetensors   word_vectors [word, dimension], of the words that have one
 //! BUNDLE/normalizer.json       between SI units and the model's range
@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use super::parameters::NamedTensor;
 use super::starts::Starts;
 use super::tensors::{TensorsError, read_tensors, write_tensors};
-use super::{InvalidSetting, ModelSettings, Rprae, WeightsError, load_weights, weights};
+use super::{InvalidSetting, LearnedFrom, ModelSettings, Rprae, WeightsError, load_weights, weights};
 use crate::features::{Normalizer, PreparedSet, Root, Split, Vocabulary};
 use crate::manifest::{VERSION, write_file};
 use crate::motion::{NUM_CHANNELS, bounds};
@@ -41,6 +41,9 @@ const NORMALIZER: &str = "normalizer.json";
 const STARTS: &str = "starts.safetensors";
 const WEIGHTS: &str = "weights.safetensors";
 const CARD: &str = "README.md";
+
+/// Files of a bundle that change what it does, sorted; one of them may be missing, and no other is read.
+pub const BUNDLE_FILES: [&str; 6] = [CONFIG, NORMALIZER, STARTS, VECTORS, VOCABULARY, WEIGHTS];
 
 /// What a model was made for.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,6 +68,9 @@ pub struct BundleConfig {
     pub longest_caption: usize,
     /// Sizes and decoding.
     pub model: ModelSettings,
+    /// What it learned from; `None` in bundles of versions that did not say.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub learned_from: Option<LearnedFrom>,
 }
 
 /// The words as they are stored.
@@ -146,6 +152,7 @@ impl Bundle {
             frames_seen: (lengths.clone().min().unwrap_or(2), lengths.max().unwrap_or(2)),
             longest_caption: captions.map(|caption| caption.words.len()).max().unwrap_or(2),
             model: settings.clone(),
+            learned_from: Some(LearnedFrom::of(set)),
         };
         let model = model.valid();
         let table = model.retrofit.table();
@@ -224,6 +231,10 @@ impl Bundle {
             && (2..=10_000).contains(&config.longest_caption);
         if !is_sound {
             let reason = "its rate, start frame or lengths are outside what this program writes";
+            return Err(wrong(CONFIG, reason.to_owned()));
+        }
+        if !config.learned_from.as_ref().is_none_or(LearnedFrom::is_sound) {
+            let reason = "the motions it learned from are not sorted, or one is there twice";
             return Err(wrong(CONFIG, reason.to_owned()));
         }
         let normalizer: Normalizer = read_json(&path(NORMALIZER))?;

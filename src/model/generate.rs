@@ -255,6 +255,17 @@ mod tests {
         assert!(message.contains("config.json"), "{message}");
         let message = edit("vocabulary.json", "true", "false");
         assert!(message.contains("finite vectors"), "{message}");
+        // Older bundles do not say what they learned from.
+        let text = std::fs::read_to_string(path.join("config.json")).unwrap();
+        let mut config: serde_json::Value = serde_json::from_str(&text).unwrap();
+        config["learned_from"]["motions"] = serde_json::json!(["b", "a"]);
+        std::fs::write(path.join("config.json"), config.to_string()).unwrap();
+        let message = Bundle::load(&path, &Device::flex()).unwrap_err().to_string();
+        assert!(message.contains("not sorted"), "{message}");
+        config.as_object_mut().unwrap().remove("learned_from");
+        std::fs::write(path.join("config.json"), config.to_string()).unwrap();
+        assert_eq!(Bundle::load(&path, &Device::flex()).unwrap().config.learned_from, None);
+        std::fs::write(path.join("config.json"), text).unwrap();
         assert!(Bundle::load(&path, &Device::flex()).is_ok());
     }
 

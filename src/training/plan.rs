@@ -49,16 +49,23 @@ impl Plan {
     /// An epoch of stage 1 goes once through the larger of the two collections; the smaller one begins anew meanwhile.
     #[must_use]
     pub fn new(settings: &TrainingSettings, set: &PreparedSet) -> Self {
-        let epoch = |places| iterations_per_epoch(places, settings.batch_size);
-        let stage1_epoch = epoch(set.non_paired_captions.len().max(set.non_paired_motions.len()));
-        let stage1 = settings.stage1_iterations.unwrap_or(settings.stage1_epochs * stage1_epoch);
-        let stage2 = settings.stage2_iterations.unwrap_or(settings.stage2_epochs * epoch(set.paired.len()));
+        let samples = set.non_paired_captions.len().max(set.non_paired_motions.len());
+        let stage1 = Self::stage1_iterations(settings, samples);
+        let stage2_epoch = iterations_per_epoch(set.paired.len(), settings.batch_size);
+        let stage2 = settings.stage2_iterations.unwrap_or(settings.stage2_epochs * stage2_epoch);
         let (stage1, stage2) = match settings.schedule {
             Schedule::TwoStage => (stage1, stage2),
             Schedule::VanillaEqualEpochs => (0, stage2),
             Schedule::VanillaEqualUpdates => (0, stage1 + stage2),
         };
         Self { stage1, stage2, alternate_every: settings.alternate_every }
+    }
+
+    /// Iterations of stage 1 where the larger of the two collections has so many samples.
+    #[must_use]
+    pub fn stage1_iterations(settings: &TrainingSettings, samples: usize) -> usize {
+        let epoch = iterations_per_epoch(samples, settings.batch_size);
+        settings.stage1_iterations.unwrap_or(settings.stage1_epochs * epoch)
     }
 
     /// Iterations of both stages.

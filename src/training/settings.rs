@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::manifest::{SettingsFile, SettingsFileError};
 use crate::model::{DeviceChoice, InvalidSetting, LossSettings, ModelSettings};
 
 /// Which stages a run has.
@@ -144,22 +145,9 @@ impl Default for RunSettings {
 /// Why settings cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum SettingsProblem {
-    /// The file cannot be read.
-    #[error("read the settings {path}: {error}")]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// What the system says.
-        error: std::io::Error,
-    },
-    /// The file is not settings.
-    #[error("read the settings {path}: {error}")]
-    Toml {
-        /// The file.
-        path: PathBuf,
-        /// Place and reason.
-        error: Box<toml::de::Error>,
-    },
+    /// The file cannot be read, or is not settings.
+    #[error(transparent)]
+    File(#[from] SettingsFileError),
     /// A value has no TOML form, such as a path that is not text.
     #[error("write the settings: {0}")]
     Unwritable(#[from] toml::ser::Error),
@@ -184,16 +172,14 @@ impl RunSettings {
     /// # Errors
     /// [`SettingsProblem`] names the file, the place and the reason.
     pub fn read(path: &Path, preset: Option<Preset>) -> Result<Self, SettingsProblem> {
-        let text = std::fs::read_to_string(path)
-            .map_err(|error| SettingsProblem::Io { path: path.to_owned(), error })?;
-        let problem = |error| SettingsProblem::Toml { path: path.to_owned(), error: Box::new(error) };
+        let file = SettingsFile::open(path)?;
         // Once for what is wrong with the file, at its place; once more over the preset.
-        let alone: Self = toml::from_str(&text).map_err(problem)?;
+        let alone: Self = file.parse()?;
         let preset = preset.unwrap_or(alone.preset);
         let mut table = toml::Table::try_from(Self::of(preset))?;
-        merge(&mut table, text.parse().map_err(problem)?);
+        merge(&mut table, file.parse()?);
         table.insert("preset".to_owned(), toml::Value::try_from(preset)?);
-        table.try_into().map_err(problem)
+        Ok(table.try_into().map_err(|error| file.fault(error))?)
     }
 
     /// The settings as TOML.

@@ -29,6 +29,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 
 use crate::dataset::WordVectors;
 use crate::features::TokenRule;
+use crate::manifest::sha256_hex;
 use crate::model::{Bundle, BundleError, Frames, MotionLength};
 use crate::motion::{Body, Frame, Motion, MotionError, NUM_CHANNELS};
 
@@ -134,6 +135,30 @@ pub struct Acted {
     pub latent: Vec<f32>,
 }
 
+/// Several motions of one sentence.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Variants {
+    /// Motions with their numbers, in rising order; number 0 is that of the sentence itself, without noise.
+    pub motions: Vec<(usize, Acted)>,
+    /// Numbers of noisy ones that are no motion, each with the reason.
+    pub left_out: Vec<(usize, TranslationError)>,
+}
+
+impl Variants {
+    /// Parts what was made from what was not; without the first there is nothing.
+    fn sift(made: impl Iterator<Item = Result<Acted, TranslationError>>) -> Result<Self, TranslationError> {
+        let mut variants = Self { motions: Vec::new(), left_out: Vec::new() };
+        for (number, made) in made.enumerate() {
+            match made {
+                Ok(acted) => variants.motions.push((number, acted)),
+                Err(error) if number == 0 => return Err(error),
+                Err(error) => variants.left_out.push((number, error)),
+            }
+        }
+        Ok(variants)
+    }
+}
+
 /// Sentences written about a motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Described {
@@ -206,6 +231,24 @@ impl Translator {
         Ok(())
     }
 
+    /// Checksum over the vectors added, hexadecimal; `None` where there are none.
+    #[must_use]
+    pub fn vectors_sha256(&self) -> Option<String> {
+        let mut bytes = Vec::new();
+        for (word, vector) in &self.vectors {
+            bytes.extend((word.len() as u64).to_le_bytes());
+            bytes.extend(word.bytes());
+            bytes.extend(vector.iter().flat_map(|value| value.to_le_bytes()));
+        }
+        (!self.vectors.is_empty()).then(|| sha256_hex(&bytes))
+    }
+
+    /// A sentence cut by the rule the vocabulary was cut by, words with one space between: what of it a model could write.
+    #[must_use]
+    pub fn cut(&self, caption: &str) -> String {
+        self.rule.tokenize(caption).join(" ")
+    }
+
     /// The words of a sentence as the model reads them.
     ///
     /// A word outside the vocabulary enters by its own vector where there is one, since the retrofit layer takes any; else
@@ -251,8 +294,10 @@ impl Translator {
     /// Number k > 0 adds Gaussian noise to every number of the latent, `noise` times as wide as the spread of that number
     /// over the one-word sentences of the vocabulary; equal seeds give equal motions.
     ///
+    /// A noisy one that is no motion is left out and told; the others stay.
+    ///
     /// # Errors
-    /// As [`Translator::act`].
+    /// As [`Translator::act`], of the first.
     pub fn act_often(
         &self,
         latent: &[f32],
@@ -260,10 +305,9 @@ impl Translator {
         count: usize,
         noise: f64,
         seed: u64,
-    ) -> Result<Vec<Acted>, TranslationError> {
-        (0..count)
-            .map(|number| self.act(variation::vary(latent, &self.spread, number as u64, noise, seed), acting))
-            .collect()
+    ) -> Result<Variants, TranslationError> {
+        let vary = |number: usize| variation::vary(latent, &self.spread, number as u64, noise, seed);
+        Variants::sift((0..count).map(|number| self.act(vary(number), acting)))
     }
 
     /// Sentences about a motion of any rate.

@@ -177,12 +177,25 @@ fn variations_differ_and_the_first_is_the_sentence_itself() {
     let translator = translator(4);
     let latent = latents(&translator).remove(0);
     let acting = Acting { length_secs: Some(0.8), ..Acting::default() };
-    let motions = translator.act_often(&latent, &acting, 3, 0.5, 7).unwrap();
-    assert_eq!(motions, translator.act_often(&latent, &acting, 3, 0.5, 7).unwrap());
+    let made = translator.act_often(&latent, &acting, 3, 0.5, 7).unwrap();
+    assert_eq!(made, translator.act_often(&latent, &acting, 3, 0.5, 7).unwrap());
+    assert!(made.left_out.is_empty() && made.motions.iter().map(|(number, _)| *number).eq(0..3));
+    let motions: Vec<Acted> = made.motions.into_iter().map(|(_, acted)| acted).collect();
     assert_eq!(motions[0], translator.act(latent.clone(), &acting).unwrap());
     assert!(motions[1].motion != motions[0].motion && motions[2].motion != motions[1].motion);
-    let still = translator.act_often(&latent, &acting, 2, 0.0, 7).unwrap();
-    assert_eq!(still[0], still[1]);
+    let still = translator.act_often(&latent, &acting, 2, 0.0, 7).unwrap().motions;
+    assert_eq!(still[0].1, still[1].1);
+}
+
+#[test]
+fn one_bad_variation_leaves_the_others() {
+    let translator = translator(4);
+    let acted = translator.act(latents(&translator).remove(0), &Acting::default()).unwrap();
+    let bad = || Err(TranslationError::TooManyWords { found: 7 });
+    let found = Variants::sift([Ok(acted.clone()), bad(), Ok(acted.clone())].into_iter()).unwrap();
+    assert_eq!(found.motions.iter().map(|(number, _)| *number).collect::<Vec<_>>(), [0, 2]);
+    assert_eq!(found.left_out, [(1, TranslationError::TooManyWords { found: 7 })]);
+    assert!(Variants::sift([bad(), Ok(acted)].into_iter()).is_err(), "the sentence itself");
 }
 
 #[test]
@@ -190,6 +203,9 @@ fn unseen_words_enter_by_their_vectors() {
     let mut translator = translator(1);
     let sentence = "word0004 stroll";
     assert_eq!(translator.unknown_words([sentence]), BTreeSet::from(["stroll".to_owned()]));
+    assert_eq!(translator.vectors_sha256(), None);
+    // The vocabulary has no marks, so none of a reference counts.
+    assert_eq!(translator.cut("Word0004  word0005."), "word0004 word0005");
     let vectors = |dimensions, vector: Vec<f32>| WordVectors {
         dimensions,
         vectors: BTreeMap::from([("stroll".to_owned(), vector)]),
@@ -205,6 +221,9 @@ fn unseen_words_enter_by_their_vectors() {
     for (a, b) in read(sentence).iter().zip(read("word0004 word0007")) {
         assert!((a - b).abs() < 1e-6);
     }
+    let first = translator.vectors_sha256();
+    translator.add_vectors(vectors(6, vec![0.5; 6])).unwrap();
+    assert!(first.is_some() && first != translator.vectors_sha256());
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Gradients against finite differences, and values against a plain recurrence, in double precision.
 
+#![expect(clippy::unwrap_used, reason = "a test that is surprised should stop at once")]
+
 use rprae_recurrent::{
     ClosedLoop, Decoder, Direction, Feedback, Instructions, LayerWeights, Plan, Projection, Sequence, State,
 };

@@ -1,5 +1,7 @@
 //! What results must not depend on: padding, the rest of the batch, and the number of threads, all to the last bit.
 
+#![expect(clippy::unwrap_used, reason = "a test that is surprised should stop at once")]
+
 use rprae_recurrent::{
     ClosedLoop, Decoder, Direction, Feedback, Instructions, LayerWeights, Plan, Projection, Sequence, State,
 };

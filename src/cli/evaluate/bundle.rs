@@ -10,7 +10,7 @@ use crate::cli::exit::{Exit, Failure, OrExit};
 use crate::cli::output;
 use crate::evaluation::motion::SetScore;
 use crate::evaluation::{Comparison, Measurement, Panel, Resampling, Signature};
-use crate::experiments::{self, Evaluator, Outcome};
+use crate::experiments::{self, Evaluator, HeldOut, Outcome, REFERENCES};
 use crate::features::PreparedSet;
 use crate::manifest::{VERSION, write_file};
 use crate::model::{self, Bundle};
@@ -22,8 +22,14 @@ struct Record<'a> {
     model: String,
     judge: &'a str,
     data: &'a str,
+    /// Whether the motions were kept from the model.
+    held_out: HeldOut,
+    /// What references are.
+    references: &'static str,
     num_motions: usize,
     num_captions: usize,
+    /// Captions that no pair learned from has.
+    num_unseen_captions: usize,
     num_resamples: usize,
     seed: u64,
     captions: Vec<Score>,
@@ -73,6 +79,16 @@ pub(super) fn run(
         let error = anyhow::anyhow!("score the model: {} has no pairs in that split", prepared.display());
         return Err(error).or_usage();
     }
+    let held_out = HeldOut::of(&bundle, &set, pairs);
+    if let (HeldOut::No { learned, scored, first }, SplitArg::Validation | SplitArg::Test) =
+        (&held_out, args.split)
+    {
+        let error = anyhow::anyhow!(
+            "score the model on held-out pairs: it learned from {learned} of the {scored} motions of that split, the first {first}; \
+             give the set it was trained on, or ask for what it remembers with --split train"
+        );
+        return Err(error).or_usage();
+    }
     let out = report::folder(args.out.as_deref(), args.overwrite, Path::new("model")).or_usage()?;
     let humanoid = experiments::humanoid().or_failed()?;
     let found = experiments::score(&bundle, &judge, &set, pairs, &humanoid).or_usage()?;
@@ -84,8 +100,11 @@ pub(super) fn run(
         model: Evaluator::new(&bundle).name,
         judge: &judge.name,
         data: &set.fingerprint,
+        held_out,
+        references: REFERENCES,
         num_motions: found.described.len(),
         num_captions: found.performed.len(),
+        num_unseen_captions: found.num_unseen_captions,
         num_resamples: resampling.num_resamples,
         seed: resampling.seed,
         captions,
@@ -173,8 +192,16 @@ fn motions(found: &Outcome, resampling: Resampling) -> Vec<Score> {
 impl Record<'_> {
     fn text(&self, out: &Path, width: usize) -> String {
         let mut text = format!(
-            "{} motions, {} captions; judged by {}; 95 % intervals from {} resamples, seed {}\n\nCaptions of motions\n",
-            self.num_motions, self.num_captions, self.judge, self.num_resamples, self.seed
+            "{} motions, {} captions, {} of them sentences that no pair learned from has; judged by {}; 95 % intervals from {} resamples of motions with all their captions, \
+             seed {}\nheld out: {}\nreferences: {}\n\nCaptions of motions\n",
+            self.num_motions,
+            self.num_captions,
+            self.num_unseen_captions,
+            self.judge,
+            self.num_resamples,
+            self.seed,
+            self.held_out.text(),
+            self.references
         );
         let mut columns = vec![
             column("score", Align::Left, &self.captions, |score| score.key.clone()),

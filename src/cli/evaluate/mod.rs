@@ -120,10 +120,7 @@ pub(super) fn run(args: &EvaluateArgs) -> Result<Exit, Failure> {
         }),
         sentence_encoder: sentence_encoder.as_ref().map(|encoder| SentenceEncoder {
             encoder,
-            pooling: args.pooling.map_or_else(
-                || if encoder.has_pooler() { Pooling::Pooler } else { Pooling::Cls },
-                Pooling::from,
-            ),
+            pooling: args.pooling.map_or_else(|| encoder.pooling(), Pooling::from),
         }),
     };
     match (&args.bundle, &args.prepared, &args.hypotheses) {

@@ -4,6 +4,7 @@ mod display;
 
 use std::path::PathBuf;
 
+use anyhow::{Context as _, bail};
 use clap::Args;
 
 use self::display::Display;
@@ -12,8 +13,8 @@ use super::exit::{Exit, Failure, OrExit};
 use super::output;
 use super::progress::Steps;
 use super::train::Device;
-use crate::evaluation::encoder::{Encoder, Pooling};
-use crate::evaluation::{Panel, SentenceEncoder, TokenEncoder};
+use crate::evaluation::encoder::Encoder;
+use crate::evaluation::{Baseline, Panel, SentenceEncoder, TokenEncoder};
 use crate::experiments::{self, Cell, CellError, Grid};
 use crate::features::PreparedSet;
 use crate::manifest::write_file;
@@ -21,6 +22,8 @@ use crate::model::{self, DeviceChoice, Selected};
 
 /// Name of the settings in the folder of a grid.
 const GRID_FILE: &str = "grid.toml";
+/// Name of the scores there; written last, so it says that the results are whole.
+const SCORES_FILE: &str = "scores.json";
 
 #[derive(Debug, Args)]
 pub(super) struct TablesArgs {
@@ -34,11 +37,20 @@ pub(super) struct TablesArgs {
     /// one, and running once more without this
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<(usize, usize)>,
+    /// Folder of the encoder for BERTScore, before what the grid says
+    #[arg(long, value_name = "DIR", conflicts_with = "shard")]
+    pub encoder: Option<PathBuf>,
+    /// Folder of the encoder for the sentence cosine, before what the grid says
+    #[arg(long, value_name = "DIR", conflicts_with = "shard")]
+    pub sentence_encoder: Option<PathBuf>,
+    /// Replace the tables and scores that --out holds; its models are kept
+    #[arg(long, conflicts_with = "shard")]
+    pub overwrite: bool,
     /// What computes [default: auto]
     #[arg(long, value_enum)]
     pub device: Option<Device>,
     /// Print what people wrote of the motions of Fig. 5-1 too; no file gets it
-    #[arg(long)]
+    #[arg(long, conflicts_with = "shard")]
     pub references: bool,
     /// Print nothing but tables and errors
     #[arg(long, short)]
@@ -55,48 +67,117 @@ fn shard(text: &str) -> Result<(usize, usize), String> {
 }
 
 pub(super) fn run(args: &TablesArgs) -> Result<Exit, Failure> {
-    let grid = Grid::read(&args.grid).or_usage()?;
+    let mut grid = Grid::read(&args.grid).or_usage()?;
+    grid.encoder = args.encoder.clone().or(grid.encoder);
+    grid.sentence_encoder = args.sentence_encoder.clone().or(grid.sentence_encoder);
+    // Whatever would stop the scoring is found before hours of training.
+    refuse(args, &grid).or_usage()?;
+    let encoders = match args.shard {
+        None => Encoders::open(&grid).or_usage()?,
+        Some(_) => Encoders::default(),
+    };
     let set = PreparedSet::load(&grid.prepared).or_usage()?;
     let selected = model::select(args.device.map_or(DeviceChoice::Auto, DeviceChoice::from)).or_usage()?;
-    begin(args, &grid)?;
+    check(args, &grid, &set, &selected)?;
+    begin(args, &grid).or_failed()?;
     train(args, &grid, &set, &selected)?;
-    let missing: Vec<Cell> =
-        grid.cells().into_iter().filter(|cell| !experiments::is_trained(&args.out, cell)).collect();
-    if let Some(first) = missing.first() {
-        output::print(&format!(
-            "{} of {} models are not trained yet, the first {}; run the other shards, bring their {} here, and run once \
-             more without --shard\n",
-            missing.len(),
-            grid.cells().len(),
-            first.name(),
-            experiments::CELLS
-        ))
-        .or_failed()?;
-        return Ok(Exit::Clean);
-    }
-    if args.shard.is_none() {
-        report(args, &grid, &set, &selected)?;
-    }
-    Ok(Exit::Clean)
-}
-
-/// Saves the grid, or refuses a folder that holds another one.
-fn begin(args: &TablesArgs, grid: &Grid) -> Result<(), Failure> {
-    let path = args.out.join(GRID_FILE);
-    if path.exists() {
-        let before = Grid::read(&path).or_usage()?;
-        // More seeds or amounts of the same runs go into the same folder; each model checks its own settings.
-        if (before.folds, &before.run) != (grid.folds, &grid.run) {
-            return Err(anyhow::anyhow!(
-                "use {}: it holds models of a grid with other folds or other settings of the runs; choose another --out",
-                args.out.display()
-            ))
-            .or_usage();
+    let cells = grid.cells();
+    let missing: Vec<&Cell> = cells.iter().filter(|cell| !experiments::is_trained(&args.out, cell)).collect();
+    match (missing.first(), args.shard) {
+        (None, None) => report(args, (&grid, &set), &selected, &encoders),
+        (None, Some(_)) => {
+            let text = format!(
+                "all {} models are trained; run once more without --shard, and the tables are made\n",
+                cells.len()
+            );
+            output::print(&text).or_failed()?;
+            Ok(Exit::Clean)
+        }
+        (Some(first), shard) => {
+            let text = format!(
+                "{} of {} models are not trained yet, the first {}; run the other shards, bring their {} here, and run once \
+                 more without --shard\n",
+                missing.len(),
+                cells.len(),
+                first.name(),
+                experiments::CELLS
+            );
+            output::print(&text).or_failed()?;
+            // A shard leaves the others to others; a whole run that lacks models has lost them.
+            Ok(if shard.is_some() { Exit::Clean } else { Exit::Failed })
         }
     }
-    std::fs::create_dir_all(&args.out).or_failed()?;
-    let text = toml::to_string_pretty(grid).or_failed()?;
-    write_file(&path, text.as_bytes()).or_failed()
+}
+
+/// Refuses a folder with results that would be replaced, or with another grid.
+fn refuse(args: &TablesArgs, grid: &Grid) -> anyhow::Result<()> {
+    if args.shard.is_none() && args.out.join(SCORES_FILE).exists() && !args.overwrite {
+        bail!(
+            "use {}: it holds tables and scores; --overwrite replaces them and keeps the models, or choose another --out",
+            args.out.display()
+        );
+    }
+    let path = args.out.join(GRID_FILE);
+    if path.exists() {
+        let before = Grid::read(&path)?;
+        // More seeds or amounts of the same runs go into the same folder; each model checks its own settings.
+        if (before.folds, &before.run) != (grid.folds, &grid.run) {
+            bail!(
+                "use {}: it holds models of a grid with other folds or other settings of the runs; choose another --out",
+                args.out.display()
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Checks the data and the folder of every model.
+fn check(args: &TablesArgs, grid: &Grid, set: &PreparedSet, selected: &Selected) -> Result<(), Failure> {
+    let cells = grid.cells();
+    let steps = Steps::new(args.quiet, cells.len());
+    for cell in &cells {
+        experiments::check_cell(grid, cell, set, &args.out, selected).map_err(failure)?;
+        steps.step(&format!("check {}", cell.name()), None);
+    }
+    steps.finish();
+    Ok(())
+}
+
+/// Saves the grid.
+fn begin(args: &TablesArgs, grid: &Grid) -> anyhow::Result<()> {
+    std::fs::create_dir_all(&args.out).with_context(|| format!("make {}", args.out.display()))?;
+    let text = toml::to_string_pretty(grid)?;
+    Ok(write_file(&args.out.join(GRID_FILE), text.as_bytes())?)
+}
+
+/// The encoders of a grid, loaded.
+#[derive(Default)]
+struct Encoders {
+    token: Option<(Encoder, Option<Baseline>)>,
+    sentence: Option<Encoder>,
+}
+
+impl Encoders {
+    fn open(grid: &Grid) -> anyhow::Result<Self> {
+        let token = grid.encoder.as_ref().map(|folder| open_token_encoder(folder, None, None)).transpose()?;
+        let sentence =
+            grid.sentence_encoder.as_ref().map(|folder| Encoder::open(folder, None)).transpose()?;
+        Ok(Self { token, sentence })
+    }
+
+    fn panel(&self) -> Panel<'_> {
+        Panel {
+            token_encoder: self.token.as_ref().map(|(encoder, baseline)| TokenEncoder {
+                encoder,
+                prefix_space: true,
+                baseline: baseline.clone(),
+            }),
+            sentence_encoder: self
+                .sentence
+                .as_ref()
+                .map(|encoder| SentenceEncoder { encoder, pooling: encoder.pooling() }),
+        }
+    }
 }
 
 fn train(args: &TablesArgs, grid: &Grid, set: &PreparedSet, selected: &Selected) -> Result<(), Failure> {
@@ -125,26 +206,17 @@ fn train(args: &TablesArgs, grid: &Grid, set: &PreparedSet, selected: &Selected)
 }
 
 /// Scores all models, writes everything, prints the tables.
-fn report(args: &TablesArgs, grid: &Grid, set: &PreparedSet, selected: &Selected) -> Result<(), Failure> {
-    let token_encoder = match &grid.encoder {
-        Some(folder) => Some(open_token_encoder(folder, None, None).or_usage()?),
-        None => None,
-    };
-    let sentence_encoder = match &grid.sentence_encoder {
-        Some(folder) => Some(Encoder::open(folder, None).or_usage()?),
-        None => None,
-    };
-    let panel = Panel {
-        token_encoder: token_encoder.as_ref().map(|(encoder, baseline)| TokenEncoder {
-            encoder,
-            prefix_space: true,
-            baseline: baseline.clone(),
-        }),
-        sentence_encoder: sentence_encoder.as_ref().map(|encoder| SentenceEncoder {
-            encoder,
-            pooling: if encoder.has_pooler() { Pooling::Pooler } else { Pooling::Mean },
-        }),
-    };
+fn report(
+    args: &TablesArgs,
+    (grid, set): (&Grid, &PreparedSet),
+    selected: &Selected,
+    encoders: &Encoders,
+) -> Result<Exit, Failure> {
+    let panel = encoders.panel();
+    let scores = args.out.join(SCORES_FILE);
+    if scores.exists() {
+        std::fs::remove_file(&scores).or_failed()?;
+    }
     let humanoid = experiments::humanoid().or_failed()?;
     let here = (grid, set, args.out.as_path());
     let steps = Steps::new(args.quiet, grid.cells().len());
@@ -160,16 +232,16 @@ fn report(args: &TablesArgs, grid: &Grid, set: &PreparedSet, selected: &Selected
     write("captions.md", &experiments::captions(grid, set, &rows, false)).or_failed()?;
     let tables = experiments::tables(grid, &rows);
     write("tables.md", &tables).or_failed()?;
-    let record = experiments::record(grid, set, &selected.name, &rows);
-    write("scores.json", &serde_json::to_string_pretty(&record).or_failed()?).or_failed()?;
+    let record = experiments::record((grid, set), &selected.name, &rows, panel.absent());
+    write(SCORES_FILE, &serde_json::to_string_pretty(&record).or_failed()?).or_failed()?;
     output::print(&tables).or_failed()?;
     if args.references {
         output::print(&experiments::captions(grid, set, &rows, true)).or_failed()?;
     }
     for absent in panel.absent() {
-        eprintln!("not scored: {}; set encoder or sentence_encoder in the grid", absent.keys);
+        eprintln!("not scored: {} ({})", absent.keys, absent.hint);
     }
-    Ok(())
+    Ok(Exit::Clean)
 }
 
 fn failure(error: CellError) -> Failure {

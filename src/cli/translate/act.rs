@@ -27,6 +27,8 @@ pub(super) struct ActedRecord {
 /// A motion that was made.
 #[derive(Debug, Serialize)]
 pub(super) struct MotionRecord {
+    /// Number among the motions of the sentence, from 1.
+    number: usize,
     /// Time from the first to the last frame, seconds.
     duration_secs: f64,
     /// Frames the model made.
@@ -53,7 +55,8 @@ pub(super) struct Unfinished {
     id: Option<String>,
     caption: String,
     notes: Vec<String>,
-    motions: Vec<Acted>,
+    /// Each with its number from 0; noisy ones that are no motion are missing.
+    motions: Vec<(usize, Acted)>,
 }
 
 /// Makes motions, and performs them where that is asked for.
@@ -75,42 +78,37 @@ impl<'s, 'a> Actor<'s, 'a> {
         let Session { translator, acting, args, .. } = self.session;
         let reading = translator.read(caption)?;
         let latent = translator.latent_of(&reading);
-        let count = usize::from(args.n_best);
-        Ok(Unfinished {
-            id,
-            caption: caption.to_owned(),
-            notes: reading.notes.iter().map(ToString::to_string).collect(),
-            motions: translator.act_often(&latent, acting, count, args.noise, args.seed)?,
-        })
+        let (count, seed) = (usize::from(args.n_best), args.seed.unwrap_or(0));
+        let made = translator.act_often(&latent, acting, count, args.noise(), seed)?;
+        let mut notes: Vec<String> = reading.notes.iter().map(ToString::to_string).collect();
+        let left_out = made.left_out.iter();
+        notes.extend(left_out.map(|(number, error)| format!("motion {} is left out: {error}", number + 1)));
+        Ok(Unfinished { id, caption: caption.to_owned(), notes, motions: made.motions })
     }
 
     /// Reads back, performs and writes what was made.
     pub fn finish(&self, made: Unfinished, targets: &[Target]) -> anyhow::Result<ActedRecord> {
-        let count = made.motions.len();
-        let mut motions = Vec::new();
-        for (index, acted) in made.motions.iter().enumerate() {
-            let number = (count > 1).then_some(index + 1);
-            motions.push(self.finish_motion(&made, acted, number, targets)?);
-        }
+        let motions = made.motions.iter().map(|acted| self.finish_motion(&made, acted, targets));
+        let motions = motions.collect::<anyhow::Result<_>>()?;
         Ok(ActedRecord { id: made.id, caption: made.caption, notes: made.notes, motions })
     }
 
     fn finish_motion(
         &self,
         made: &Unfinished,
-        acted: &Acted,
-        number: Option<usize>,
+        (number, acted): &(usize, Acted),
         targets: &[Target],
     ) -> anyhow::Result<MotionRecord> {
         let Session { translator, args, search, .. } = self.session;
+        let file_number = (args.n_best > 1).then_some(number + 1);
         // Several sentences about one motion are not what --n-best asks of a sentence.
         let search = Search { n_best: 1, ..*search };
         let motion = &acted.motion;
-        let fine = upsampled(motion, args.out_rate)?;
+        let fine = upsampled(motion, args.out_rate())?;
         let read_back =
             if args.round_trip { translator.describe(motion, &search)?.sentences } else { Vec::new() };
         let places: Vec<_> =
-            targets.iter().filter_map(|target| target.motion_file(made.id.as_deref(), number)).collect();
+            targets.iter().filter_map(|target| target.motion_file(made.id.as_deref(), file_number)).collect();
         // One at most, written while the humanoid performs.
         let recording = places.iter().find(|path| write::is_recording(path));
         for path in places.iter().filter(|path| Some(*path) != recording) {
@@ -127,6 +125,7 @@ impl<'s, 'a> Actor<'s, 'a> {
         let files = places.iter().map(|path| path.display().to_string()).collect();
         let (travel_m, turn_deg) = way(motion);
         Ok(MotionRecord {
+            number: number + 1,
             duration_secs: motion.duration_secs(),
             num_frames: motion.num_frames(),
             rate_hz: motion.rate_hz(),
@@ -163,8 +162,8 @@ impl ActedRecord {
         for note in &self.notes {
             let _ = writeln!(text, "  note: {note}");
         }
-        for (index, motion) in self.motions.iter().enumerate() {
-            let number = if self.motions.len() > 1 { format!("{}. ", index + 1) } else { String::new() };
+        for motion in &self.motions {
+            let number = if self.motions.len() > 1 { format!("{}. ", motion.number) } else { String::new() };
             let _ = writeln!(
                 text,
                 "  {number}{:.1} s ({} frames at {} Hz), travels {:.2} m, turns {:.0} degrees",

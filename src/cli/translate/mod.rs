@@ -5,6 +5,8 @@ mod describe;
 mod lines;
 mod perform;
 mod plot;
+mod use_of;
+mod vectors;
 mod write;
 
 use std::path::{Path, PathBuf};
@@ -14,14 +16,22 @@ use clap::Args;
 
 use self::act::{ActedRecord, Actor};
 use self::describe::DescribedRecord;
+use self::vectors::Vectors;
 use self::write::Target;
 use super::exit::{Exit, Failure, OrExit};
-use super::progress::{Counter, Steps};
+use super::progress::Steps;
 use super::train::Device;
 use super::{bundled, output};
-use crate::dataset::{CaptionFile, Dataset, OpenOptions, WordVectors};
+use crate::dataset::{CaptionFile, Dataset, OpenOptions};
 use crate::motion::{Body, bounds};
 use crate::translation::{Acting, DEFAULT_NOISE, DEFAULT_SETTLE_SECS, Search, Translator};
+
+/// Sentences followed side by side.
+const DEFAULT_BEAM: u16 = 5;
+/// Exponent of the length normalisation.
+const DEFAULT_LENGTH_NORM: f64 = 0.7;
+/// Rate of the motions written, hertz.
+const DEFAULT_OUT_RATE_HZ: f64 = 100.0;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -53,15 +63,15 @@ pub(super) struct TranslateArgs {
     /// .svg (curves), .mcap (performed in the simulator). Of a file of sentences: a folder, or .jsonl. Of motions: .jsonl
     #[arg(long, value_name = "PATH")]
     pub out: Vec<PathBuf>,
-    /// Motions of the sentence, or sentences about a motion, best first
+    /// Motions of the sentence, the first as it says and the others varied, or sentences about a motion, best first
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub n_best: u16,
-    /// Sentences followed side by side; 1 is greedy
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=1000))]
-    pub beam: u16,
-    /// Sentences are ranked by log p / words^A: 0 favours short ones, 1 long ones
-    #[arg(long, value_name = "A", default_value_t = 0.7)]
-    pub length_norm: f64,
+    /// Sentences followed side by side; 1 is greedy [default: 5]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub beam: Option<u16>,
+    /// Sentences are ranked by log p / words^A: 0 favours short ones, 1 long ones [default: 0.7]
+    #[arg(long, value_name = "A")]
+    pub length_norm: Option<f64>,
     /// Length of the motion in seconds [default: what the model predicts]
     #[arg(long, value_name = "SECONDS")]
     pub length: Option<f64>,
@@ -69,8 +79,9 @@ pub(super) struct TranslateArgs {
     #[arg(long, value_name = "PATH", conflicts_with = "length")]
     pub length_of: Option<PathBuf>,
     /// Seconds made and left out at the beginning, while the model finds from its mean first frame into the movement
-    #[arg(long, value_name = "SECONDS", default_value_t = DEFAULT_SETTLE_SECS)]
-    pub settle: f64,
+    /// [default: 0.5]
+    #[arg(long, value_name = "SECONDS")]
+    pub settle: Option<f64>,
     /// Read every motion made back as a sentence
     #[arg(long)]
     pub round_trip: bool,
@@ -80,15 +91,15 @@ pub(super) struct TranslateArgs {
     /// Word vectors for words the model was not trained on: word2vec .bin, or text as `GloVe` and fastText have it, also .gz
     #[arg(long, value_name = "FILE")]
     pub vectors: Option<PathBuf>,
-    /// Noise on the latent from the second motion of --n-best on, as a share of its spread over the vocabulary
-    #[arg(long, value_name = "SHARE", default_value_t = DEFAULT_NOISE)]
-    pub noise: f64,
-    /// Seed of that noise
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub seed: u64,
-    /// Frames a second of the motions written; more than the model's follow a smooth curve [default: 100]
-    #[arg(long, value_name = "HZ", default_value_t = 100.0)]
-    pub out_rate: f64,
+    /// Noise on the latent from the second motion of --n-best on, as a share of its spread over the vocabulary [default: 0.5]
+    #[arg(long, value_name = "SHARE")]
+    pub noise: Option<f64>,
+    /// Seed of that noise [default: 0]
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Frames a second of the motions written and performed; more than the model's follow a smooth curve [default: 100]
+    #[arg(long, value_name = "HZ")]
+    pub out_rate: Option<f64>,
     /// Body height in metres of motions made, and of number tables read
     #[arg(long, value_name = "METRES", default_value_t = 1.75)]
     pub height: f64,
@@ -101,8 +112,8 @@ pub(super) struct TranslateArgs {
     /// Print one JSON object a translation
     #[arg(long)]
     pub json: bool,
-    /// Replace files that are there already
-    #[arg(long)]
+    /// Replace files that are there already, also in a folder
+    #[arg(long, requires = "out")]
     pub overwrite: bool,
     /// Print no progress
     #[arg(long, short)]
@@ -115,6 +126,8 @@ struct Session<'a> {
     translator: Translator,
     acting: Acting,
     search: Search,
+    /// Where words the model was not trained on are looked up.
+    vectors: Option<Vectors<'a>>,
 }
 
 /// Translates what was given and prints it.
@@ -132,15 +145,16 @@ pub(super) fn run(args: &TranslateArgs) -> Result<Exit, Failure> {
         translator,
         acting: Acting {
             length_secs: args.length.or(length_of),
-            settle_secs: args.settle,
+            settle_secs: args.settle(),
             body: Body::with_default_mass(args.height),
         },
         search: Search {
-            beam: usize::from(args.beam),
+            beam: usize::from(args.beam.unwrap_or(DEFAULT_BEAM)),
             n_best: usize::from(args.n_best),
-            length_exponent: args.length_norm,
+            length_exponent: args.length_norm(),
             most_words: None,
         },
+        vectors: args.vectors.as_deref().map(|path| Vectors::new(path, args.quiet)),
     };
     match (&args.sentence, captions, motions) {
         (_, Some(file), _) => session.act_all(&file, &targets),
@@ -158,11 +172,35 @@ fn check(args: &TranslateArgs) -> anyhow::Result<()> {
             Err(anyhow!("use --{name} {value}: expected {low} to {high}"))
         }
     };
-    within("length-norm", args.length_norm, 0.0, 5.0)?;
-    within("noise", args.noise, 0.0, 100.0)?;
-    within("settle", args.settle, 0.0, 10.0)?;
+    within("length-norm", args.length_norm(), 0.0, 5.0)?;
+    within("noise", args.noise(), 0.0, 100.0)?;
+    within("settle", args.settle(), 0.0, 10.0)?;
     within("height", args.height, *bounds::HEIGHT_M.start(), *bounds::HEIGHT_M.end())?;
-    within("out-rate", args.out_rate, *bounds::RATE_HZ.start(), *bounds::RATE_HZ.end())
+    within("out-rate", args.out_rate(), *bounds::RATE_HZ.start(), *bounds::RATE_HZ.end())?;
+    use_of::check(args)
+}
+
+impl TranslateArgs {
+    fn length_norm(&self) -> f64 {
+        self.length_norm.unwrap_or(DEFAULT_LENGTH_NORM)
+    }
+
+    fn noise(&self) -> f64 {
+        self.noise.unwrap_or(DEFAULT_NOISE)
+    }
+
+    fn settle(&self) -> f64 {
+        self.settle.unwrap_or(DEFAULT_SETTLE_SECS)
+    }
+
+    fn out_rate(&self) -> f64 {
+        self.out_rate.unwrap_or(DEFAULT_OUT_RATE_HZ)
+    }
+
+    /// Whether there is a sentence on the command line.
+    fn has_sentence(&self) -> bool {
+        self.sentence.as_ref().is_some_and(|sentence| sentence != "-")
+    }
 }
 
 fn open(args: &TranslateArgs, path: &Path) -> anyhow::Result<Dataset> {
@@ -188,21 +226,10 @@ fn duration(args: &TranslateArgs, path: &Path) -> anyhow::Result<f64> {
 impl Session<'_> {
     /// Looks up the vectors of words the model was not trained on.
     fn look_up<'c>(&mut self, captions: impl IntoIterator<Item = &'c str>) -> anyhow::Result<()> {
-        let Some(path) = &self.args.vectors else { return Ok(()) };
-        let unknown = self.translator.unknown_words(captions);
-        if unknown.is_empty() {
-            return Ok(());
+        match &mut self.vectors {
+            Some(vectors) => vectors.look_up(&mut self.translator, captions),
+            None => Ok(()),
         }
-        let counter = Counter::new(self.args.quiet);
-        let read = WordVectors::read(path, &unknown, &|share| {
-            counter.show("word vectors", (100.0 * share) as usize, 100);
-        });
-        counter.finish();
-        let vectors = read?;
-        for warning in &vectors.warnings {
-            eprintln!("{}: {warning}", path.display());
-        }
-        Ok(self.translator.add_vectors(vectors)?)
     }
 
     /// One sentence, given on the command line.

@@ -1,5 +1,7 @@
 //! Where translations go.
 
+use std::ffi::OsStr;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
@@ -40,9 +42,12 @@ impl Target {
             None => format!("{stem}.{ending}"),
         };
         match self {
+            // As it was written: on some systems Walk.XML and Walk.xml are two files.
+            Self::Motion(path) if number.is_none() => Some(path.clone()),
             Self::Motion(path) => {
-                let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-                Some(path.with_file_name(numbered(&stem, &ending(path))))
+                let part = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+                let name = numbered(&part(path.file_stem()), &part(path.extension()));
+                Some(path.with_file_name(name))
             }
             Self::Folder(path) => Some(path.join(numbered(id.unwrap_or("motion"), "xml"))),
             Self::Lines(_) => None,
@@ -61,7 +66,7 @@ fn ending(path: &Path) -> String {
 
 /// The places of `--out`, checked before any work: known endings, nothing replaced that should not be.
 pub(super) fn targets(args: &TranslateArgs) -> anyhow::Result<Vec<Target>> {
-    let is_sentence = args.sentence.as_ref().is_some_and(|sentence| sentence != "-");
+    let is_sentence = args.has_sentence();
     let mut targets = Vec::new();
     for path in &args.out {
         let refuse = |expected: &str| Err(anyhow!("write {}: {expected}", path.display()));
@@ -81,11 +86,17 @@ pub(super) fn targets(args: &TranslateArgs) -> anyhow::Result<Vec<Target>> {
             Target::Motion(_) if count > 1 => {
                 (1..=count).filter_map(|number| target.motion_file(None, Some(number))).collect()
             }
-            Target::Folder(path) => vec![path.join(MANIFEST)],
+            Target::Folder(_) => Vec::new(),
             Target::Motion(path) | Target::Lines(path) => vec![path.clone()],
         };
         if let Some(there) = files.iter().find(|file| file.exists() && !args.overwrite) {
             return Err(anyhow!("write {}: it is there already; --overwrite replaces it", there.display()));
+        }
+        if let Target::Folder(path) = &target {
+            check_folder(path, args.overwrite)?;
+        }
+        if targets.iter().any(|other: &Target| other.path() == path) {
+            return refuse("it is named twice");
         }
         // Recordings are of one sentence, folders of a file of them, so the two do not meet.
         let is_single = |target: &Target| match target {
@@ -99,6 +110,21 @@ pub(super) fn targets(args: &TranslateArgs) -> anyhow::Result<Vec<Target>> {
         targets.push(target);
     }
     Ok(targets)
+}
+
+/// Refuses what is no folder, and one with files in it unless those of the same names may be replaced.
+fn check_folder(path: &Path, overwrite: bool) -> anyhow::Result<()> {
+    let entries = match std::fs::read_dir(path) {
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        entries => entries.with_context(|| format!("write into {}", path.display()))?,
+    };
+    if entries.count() > 0 && !overwrite {
+        return Err(anyhow!(
+            "write into {}: it is not empty; choose another --out, or replace files of the same names with --overwrite",
+            path.display()
+        ));
+    }
+    Ok(())
 }
 
 /// Writes a motion in the form its ending says.
@@ -144,4 +170,53 @@ fn whole(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
         std::fs::create_dir_all(folder).with_context(place)?;
     }
     write_file(path, bytes).with_context(place)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args(out: &[&Path]) -> TranslateArgs {
+        let out = out.iter().map(|path| path.to_path_buf()).collect();
+        TranslateArgs { n_best: 1, out, ..TranslateArgs::default() }
+    }
+
+    #[test]
+    fn endings_count_in_capitals_too_and_stay_as_they_are_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("Walk.XML");
+        let args = TranslateArgs { sentence: Some("a walk".to_owned()), ..args(&[&path]) };
+        let found = targets(&args).unwrap();
+        let [target] = &found[..] else { panic!("one target") };
+        assert_eq!(target.motion_file(None, None).unwrap(), path);
+        assert_eq!(target.motion_file(None, Some(2)).unwrap(), folder.path().join("Walk-2.XML"));
+        let standing = crate::motion::Motion::new(
+            crate::motion::Body::with_default_mass(1.75),
+            100.0,
+            vec![crate::motion::Frame::ZERO; 3],
+        );
+        motion(&path, &standing.unwrap(), "a walk", "a walk").unwrap();
+        assert!(std::fs::read_to_string(&path).unwrap().contains("<MMM"));
+        assert!(targets(&args).unwrap_err().to_string().contains("Walk.XML"), "it is there now");
+    }
+
+    #[test]
+    fn a_folder_with_anything_in_it_is_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let made = folder.path().join("made");
+        let base = TranslateArgs { captions: Some("a.txt".into()), ..args(&[&made]) };
+        targets(&base).unwrap();
+        std::fs::create_dir(&made).unwrap();
+        targets(&base).unwrap();
+        std::fs::write(made.join("thesis"), "years of work").unwrap();
+        let message = targets(&base).unwrap_err().to_string();
+        assert!(message.contains("not empty") && message.contains("--overwrite"), "{message}");
+        targets(&TranslateArgs { overwrite: true, ..base }).unwrap();
+        let file = folder.path().join("file");
+        std::fs::write(&file, "").unwrap();
+        let base = TranslateArgs { captions: Some("a.txt".into()), ..args(&[&file]) };
+        assert!(targets(&base).unwrap_err().to_string().contains("file"));
+        let twice = TranslateArgs { captions: Some("a.txt".into()), ..args(&[Path::new("a.jsonl"); 2]) };
+        assert!(targets(&twice).unwrap_err().to_string().contains("twice"));
+    }
 }

@@ -2,17 +2,16 @@
 //!
 //! Some writers end each entry with a line feed, Google's did not; both are read.
 
-use std::collections::BTreeSet;
 use std::io::{BufRead, ErrorKind};
 
-use super::{MAX_WORD_BYTES, Stop, WordVectors, too_odd};
+use super::{MAX_WORD_BYTES, Stop, Wanted, WordVectors, too_odd};
 use crate::dataset::one_line;
 
 pub(super) fn read(
     source: &mut impl BufRead,
     num_words: u64,
     dimensions: usize,
-    wanted: &BTreeSet<String>,
+    wanted: &Wanted<'_>,
 ) -> Result<WordVectors, Stop> {
     let mut read = WordVectors { dimensions, ..WordVectors::default() };
     let mut bytes = vec![0; 4 * dimensions];
@@ -45,7 +44,7 @@ pub(super) fn read(
                 continue;
             }
         };
-        if wanted.contains(text) && !read.vectors.contains_key(text) {
+        if wanted.has(text, &read) && !read.vectors.contains_key(text) {
             let vector: Vec<f32> =
                 bytes.as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
             if vector.iter().all(|value| value.is_finite()) {

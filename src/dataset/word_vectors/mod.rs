@@ -93,6 +93,28 @@ impl From<io::Error> for Stop {
     }
 }
 
+/// Words whose vectors are kept.
+enum Wanted<'w> {
+    /// These.
+    Words(&'w BTreeSet<String>),
+    /// The first of the file, until they take so many bytes.
+    First { most_bytes: usize },
+}
+
+impl Wanted<'_> {
+    /// Whether the next word of a file is kept.
+    fn has(&self, word: &str, read: &WordVectors) -> bool {
+        // Beside its numbers a vector has a word and its places in memory.
+        const BESIDE: usize = 128;
+        match self {
+            Self::Words(words) => words.contains(word),
+            Self::First { most_bytes } => {
+                (read.vectors.len() + 1).saturating_mul(4 * read.dimensions + BESIDE) <= *most_bytes
+            }
+        }
+    }
+}
+
 impl WordVectors {
     /// Reads the vectors of the `wanted` words; `progress` is told the share of the file that is done, now and then.
     ///
@@ -102,6 +124,19 @@ impl WordVectors {
     /// [`VectorError`] when the file cannot be read, is none of the known layouts, or when its header does not fit what
     /// follows.
     pub fn read(path: &Path, wanted: &BTreeSet<String>, progress: &dyn Fn(f64)) -> Result<Self, VectorError> {
+        Self::read_wanted(path, &Wanted::Words(wanted), progress)
+    }
+
+    /// Reads the vectors of the first words of a file, until they take about `most_bytes` of memory; files have their most
+    /// frequent words first. Whether that is all of them, [`WordVectors::num_words`] tells.
+    ///
+    /// # Errors
+    /// As [`WordVectors::read`].
+    pub fn read_first(path: &Path, most_bytes: usize, progress: &dyn Fn(f64)) -> Result<Self, VectorError> {
+        Self::read_wanted(path, &Wanted::First { most_bytes }, progress)
+    }
+
+    fn read_wanted(path: &Path, wanted: &Wanted<'_>, progress: &dyn Fn(f64)) -> Result<Self, VectorError> {
         let io_error = |source| VectorError::Io { path: path.to_owned(), source };
         let file = File::open(path).map_err(io_error)?;
         let length = file.metadata().map_err(io_error)?.len();
@@ -141,7 +176,7 @@ impl WordVectors {
     }
 }
 
-fn read_any(source: &mut impl BufRead, wanted: &BTreeSet<String>) -> Result<WordVectors, Stop> {
+fn read_any(source: &mut impl BufRead, wanted: &Wanted<'_>) -> Result<WordVectors, Stop> {
     let mut first = Vec::new();
     (&mut *source).take(text::MAX_LINE_BYTES as u64).read_until(b'\n', &mut first)?;
     if first.is_empty() {

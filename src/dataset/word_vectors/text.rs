@@ -2,10 +2,9 @@
 //!
 //! A word may contain spaces, as some of `GloVe`'s do: the last D fields are the numbers.
 
-use std::collections::BTreeSet;
 use std::io::BufRead;
 
-use super::{MAX_DIMENSIONS, MAX_WORD_BYTES, Stop, WordVectors, too_odd};
+use super::{MAX_DIMENSIONS, MAX_WORD_BYTES, Stop, Wanted, WordVectors, too_odd};
 
 /// Longest line, bytes.
 pub(super) const MAX_LINE_BYTES: usize = MAX_WORD_BYTES + MAX_DIMENSIONS * 32;
@@ -15,7 +14,7 @@ pub(super) fn read(
     source: &mut impl BufRead,
     first: Option<&[u8]>,
     header: Option<(u64, usize)>,
-    wanted: &BTreeSet<String>,
+    wanted: &Wanted<'_>,
 ) -> Result<WordVectors, Stop> {
     let dimensions = match (header, first) {
         (Some((_, dimensions)), _) => dimensions,
@@ -35,7 +34,7 @@ pub(super) fn read(
         if line.len() > MAX_LINE_BYTES {
             return Err(Stop::Layout(format!("line {number} has more than {MAX_LINE_BYTES} bytes")));
         }
-        if let Some((word, vector)) = entry(&line, dimensions, wanted) {
+        if let Some((word, vector)) = entry(&line, dimensions, |word| wanted.has(word, &read)) {
             read.num_words += 1;
             if let Some(vector) = vector {
                 read.vectors.entry(word.to_owned()).or_insert(vector);
@@ -84,11 +83,11 @@ fn dimensions_of(line: &[u8]) -> Result<usize, Stop> {
 }
 
 /// The word of a line, and its vector if it is wanted; `None` when the line is not an entry.
-fn entry<'l>(
-    line: &'l [u8],
+fn entry(
+    line: &[u8],
     dimensions: usize,
-    wanted: &BTreeSet<String>,
-) -> Option<(&'l str, Option<Vec<f32>>)> {
+    is_wanted: impl FnOnce(&str) -> bool,
+) -> Option<(&str, Option<Vec<f32>>)> {
     let line = line.trim_ascii_end();
     // The word ends before the last `dimensions` fields.
     let mut end = line.len();
@@ -99,7 +98,7 @@ fn entry<'l>(
     if word.is_empty() || word.len() > MAX_WORD_BYTES {
         return None;
     }
-    if !wanted.contains(word) {
+    if !is_wanted(word) {
         return Some((word, None));
     }
     let numbers = std::str::from_utf8(&line[end..]).ok()?;

@@ -118,12 +118,8 @@ impl Bleu {
         let statistics = Statistics::of_rows(&rows);
         std::array::from_fn(|index| {
             let key = Self::KEYS[usize::from(!nltk)][index];
-            Measurement {
-                key,
-                signature: self.signature(key, corpus),
-                statistics: statistics.clone(),
-                combine: Combine::Bleu { settings: self, order: index + 1 },
-            }
+            let combine = Combine::Bleu { settings: self, order: index + 1 };
+            Measurement::new(key, self.signature(key, corpus), statistics.clone(), combine)
         })
     }
 

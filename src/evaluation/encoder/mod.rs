@@ -134,6 +134,13 @@ impl Encoder {
         self.transformer.has_pooler()
     }
 
+    /// How a sentence becomes one vector unless told otherwise: through the pooler where there is one, else its start token,
+    /// as SimCSE does. Encoders trained for the mean, as those of sentence-transformers, must be told.
+    #[must_use]
+    pub fn pooling(&self) -> Pooling {
+        if self.has_pooler() { Pooling::Pooler } else { Pooling::Cls }
+    }
+
     /// SHA-256 of `model.safetensors`.
     #[must_use]
     pub fn weights_sha256(&self) -> &str {

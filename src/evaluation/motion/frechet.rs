@@ -6,7 +6,7 @@ use super::embeddings::Embeddings;
 use super::jackknife::SetScore;
 use crate::evaluation::signature::Signature;
 
-/// Groups left out in turn: each costs two decompositions, which take the cube of the dimensions.
+/// Groups of recordings left out in turn: each costs two decompositions, which take the cube of the dimensions.
 const MAX_GROUPS: usize = 50;
 
 /// How a covariance is estimated.
@@ -89,28 +89,44 @@ pub fn frechet_distance(a: &Embeddings, b: &Embeddings, covariance: Covariance) 
     ((mean_a - mean_b).norm_squared() + traces - 2.0 * trace_of_root).max(0.0)
 }
 
-/// FID of generated motions and the recorded ones at the same places.
+/// FID of generated motions and recorded ones, each recording once, however many motions were made of its captions.
 ///
-/// Its value falls as n grows, so only values of equal n compare.
+/// `of` is the place of the recording that each generated motion stands for; for the interval, recordings are left out with
+/// all motions that stand for them. The value falls as the numbers grow, so only values of equal numbers compare.
 ///
 /// # Panics
-/// If the numbers or lengths of the vectors differ.
+/// If the vectors have different lengths, or `of` is not a recording for each generated motion.
 #[must_use]
-pub fn frechet_score(generated: &Embeddings, recorded: &Embeddings, evaluator: &str) -> SetScore {
-    assert_eq!(generated.len(), recorded.len(), "a recorded motion for each generated one");
-    let num = generated.len();
-    let covariance = Covariance::for_size(num, generated.dimensions());
+pub fn frechet_score(
+    generated: &Embeddings,
+    recorded: &Embeddings,
+    of: &[usize],
+    evaluator: &str,
+) -> SetScore {
+    assert!(
+        of.len() == generated.len() && of.iter().all(|&place| place < recorded.len()),
+        "a recorded motion for each generated one"
+    );
+    let least = generated.len().min(recorded.len());
+    let covariance = Covariance::for_size(least, generated.dimensions());
     let signature = Signature::new("fid")
         .with("covariance", covariance.name())
-        .with("n", num)
+        .with("n", generated.len())
+        .with("recorded", recorded.len())
         .with("dimensions", generated.dimensions())
         .with("evaluator", evaluator)
-        .with("v", 1);
+        .with("v", 2);
     let value = frechet_distance(generated, recorded, covariance);
-    let groups = num.min(MAX_GROUPS);
+    let groups = recorded.len().min(MAX_GROUPS);
     SetScore::of("fid", signature, value, groups, |group| {
-        let kept: Vec<usize> = (0..num).filter(|index| index % groups != group).collect();
-        frechet_distance(&generated.select(&kept), &recorded.select(&kept), covariance)
+        let is_kept = |recording: usize| recording % groups != group;
+        let ours: Vec<usize> = (0..generated.len()).filter(|&index| is_kept(of[index])).collect();
+        let theirs: Vec<usize> = (0..recorded.len()).filter(|&index| is_kept(index)).collect();
+        if ours.is_empty() {
+            // Only where no motion stands for most recordings.
+            return value;
+        }
+        frechet_distance(&generated.select(&ours), &recorded.select(&theirs), covariance)
     })
 }
 
@@ -147,10 +163,24 @@ mod tests {
     }
 
     #[test]
+    fn captions_of_one_recording_do_not_repeat_it() {
+        let recorded = exact([0.0, 0.0], [1.0, 5.0]);
+        // Of the second recording three motions, of the others one each.
+        let of = [0, 1, 1, 1, 2, 3];
+        let made = recorded.select(&of);
+        let score = frechet_score(&made, &recorded, &of, "e");
+        assert_eq!(score.value, frechet_distance(&made, &recorded, Covariance::Sample));
+        assert!(score.value > 0.0 && score.signature.as_str().contains("|n:6|recorded:4|"), "{score:?}");
+    }
+
+    #[test]
     fn few_vectors_are_told() {
         let set = exact([1.0, 2.0], [0.5, 1.0]);
-        let score = frechet_score(&set, &set, "e");
-        assert_eq!(score.signature.as_str(), "fid|covariance:sample|n:4|dimensions:2|evaluator:e|v:1");
+        let score = frechet_score(&set, &set, &[0, 1, 2, 3], "e");
+        assert_eq!(
+            score.signature.as_str(),
+            "fid|covariance:sample|n:4|recorded:4|dimensions:2|evaluator:e|v:2"
+        );
         assert_eq!(Covariance::for_size(96, 96), Covariance::LedoitWolf);
     }
 }

@@ -1,6 +1,7 @@
 //! Whether the right one is among the nearest.
 
 use super::embeddings::Embeddings;
+use crate::evaluation::clusters::Clusters;
 use crate::evaluation::measurement::Measurement;
 use crate::evaluation::resampling::Resampling;
 use crate::evaluation::signature::Signature;
@@ -55,6 +56,8 @@ pub struct Retrieval {
     pub evaluator: String,
     /// Ranks of all queries.
     pub ranks: Vec<Rank>,
+    /// Which queries are drawn together when a score is resampled.
+    pub clusters: Clusters,
 }
 
 impl Retrieval {
@@ -78,7 +81,23 @@ impl Retrieval {
                 Rank { ahead: rank.ahead + usize::from(!is_behind), wrong: rank.wrong + 1 }
             })
         };
-        Self { query, among, evaluator: evaluator.to_owned(), ranks: (0..num).map(rank).collect() }
+        Self {
+            query,
+            among,
+            evaluator: evaluator.to_owned(),
+            ranks: (0..num).map(rank).collect(),
+            clusters: Clusters::singles(num),
+        }
+    }
+
+    /// The same, its queries drawn together as `clusters` says.
+    ///
+    /// # Panics
+    /// If these are groups of another number of queries.
+    #[must_use]
+    pub fn clustered(self, clusters: &Clusters) -> Self {
+        assert_eq!(clusters.num_segments(), self.ranks.len(), "groups of the queries");
+        Self { clusters: clusters.clone(), ..self }
     }
 
     /// Candidates of a pool: [`POOL`], or all where one query has fewer.
@@ -97,14 +116,21 @@ impl Retrieval {
         let in_pool = |&(key, top): &(&'static str, usize)| {
             let values = self.ranks.iter().map(|rank| rank.chance_in_pool(top, pool.saturating_sub(1)));
             let signature = self.signature(key).with("pool", pool).with("pools", "all").with("v", 1);
-            Measurement::of_values(key, signature, values.collect())
+            Measurement::of_values(key, signature, values.collect()).clustered(&self.clusters)
         };
         let among_all = |&(key, top): &(&'static str, usize)| {
             let values = self.ranks.iter().map(|rank| f64::from(u8::from(rank.ahead < top)));
-            let signature = self.signature(key).with("n", self.ranks.len()).with("v", 1);
-            Measurement::of_values(key, signature, values.collect())
+            let signature = self.signature(key).with("candidates", self.num_candidates()).with("v", 1);
+            Measurement::of_values(key, signature, values.collect()).clustered(&self.clusters)
         };
         PRECISION.iter().map(in_pool).chain(RECALL.iter().map(among_all)).collect()
+    }
+
+    /// Candidates a query has, the right one included: a number, or the least and the most.
+    fn num_candidates(&self) -> String {
+        let all = || self.ranks.iter().map(|rank| rank.wrong + 1);
+        let (least, most) = (all().min().unwrap_or(0), all().max().unwrap_or(0));
+        if least == most { most.to_string() } else { format!("{least}-{most}") }
     }
 
     fn signature(&self, key: &str) -> Signature {
@@ -135,7 +161,7 @@ impl Retrieval {
             }
         };
         let all: Vec<usize> = (0..self.ranks.len()).collect();
-        (median(&all), resampling.interval_of(all.len(), median))
+        (median(&all), resampling.interval_of(&self.clusters, median))
     }
 }
 
@@ -233,6 +259,8 @@ mod tests {
         );
         assert_eq!(value(&pairs, "recall-1"), 1.0);
         assert_eq!(pairs.pool(), 9);
+        // Ten queries, but each among nine.
+        assert!(pairs.measure()[3].signature.as_str().contains("|candidates:9|"));
         assert!(pairs.measure()[0].signature.as_str().contains("|pool:9|"));
     }
 }

@@ -1,0 +1,98 @@
+//! Options that would change nothing are refused: who gives one believes that it does.
+
+use anyhow::bail;
+
+use super::TranslateArgs;
+use super::write::is_recording;
+
+/// Refuses the first option that has no effect on what is asked for.
+pub(super) fn check(args: &TranslateArgs) -> anyhow::Result<()> {
+    let describes = args.motions.is_some();
+    let makes = args.has_sentence() || args.captions.is_some();
+    if describes {
+        let of_made = [
+            ("--length", args.length.is_some()),
+            ("--length-of", args.length_of.is_some()),
+            ("--settle", args.settle.is_some()),
+            ("--round-trip", args.round_trip),
+            ("--perform", args.perform),
+            ("--vectors", args.vectors.is_some()),
+            ("--noise", args.noise.is_some()),
+            ("--seed", args.seed.is_some()),
+            ("--out-rate", args.out_rate.is_some()),
+        ];
+        if let Some((flag, _)) = of_made.into_iter().find(|(_, is_given)| *is_given) {
+            bail!("use {flag}: it is of motions that are made, and --motions describes some that are there");
+        }
+        return Ok(());
+    }
+    let performs = args.perform || args.out.iter().any(|path| is_recording(path));
+    let varied = args.noise.is_some() || args.seed.is_some();
+    if varied && args.n_best == 1 {
+        let flag = if args.noise.is_some() { "--noise" } else { "--seed" };
+        bail!("use {flag}: it acts from the second motion of a sentence on; ask for several with --n-best N");
+    }
+    if !makes {
+        // Lines may be sentences or motions.
+        return Ok(());
+    }
+    let searched = args.beam.is_some() || args.length_norm.is_some();
+    if searched && !args.round_trip && !performs {
+        let flag = if args.beam.is_some() { "--beam" } else { "--length-norm" };
+        bail!("use {flag}: no sentence is looked for; --round-trip or --perform reads motions back");
+    }
+    if args.rate.is_some() && args.length_of.is_none() {
+        bail!("use --rate: no number table is read; it is of --motions, or of --length-of");
+    }
+    if args.out_rate.is_some() && args.out.is_empty() && !performs {
+        bail!("use --out-rate: no motion is written or performed; give --out or --perform");
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(change: impl FnOnce(&mut TranslateArgs)) -> Option<String> {
+        let mut args = TranslateArgs { n_best: 1, ..TranslateArgs::default() };
+        change(&mut args);
+        check(&args).err().map(|error| error.to_string())
+    }
+
+    #[test]
+    fn options_without_effect_are_named() {
+        type Change = fn(&mut TranslateArgs);
+        let bad: [(&str, Change); 8] = [
+            ("--perform", |args| (args.motions, args.perform) = (Some("a".into()), true)),
+            ("--round-trip", |args| (args.motions, args.round_trip) = (Some("a".into()), true)),
+            ("--length", |args| (args.motions, args.length) = (Some("a".into()), Some(2.0))),
+            ("--vectors", |args| (args.motions, args.vectors) = (Some("a".into()), Some("v".into()))),
+            ("--noise", |args| (args.sentence, args.noise) = (Some("walk".to_owned()), Some(0.5))),
+            ("--beam", |args| (args.captions, args.beam) = (Some("a.txt".into()), Some(3))),
+            ("--rate", |args| (args.sentence, args.rate) = (Some("walk".to_owned()), Some(20.0))),
+            ("--out-rate", |args| (args.sentence, args.out_rate) = (Some("walk".to_owned()), Some(50.0))),
+        ];
+        for (flag, change) in bad {
+            let message = refused(change);
+            assert!(message.as_ref().is_some_and(|message| message.contains(flag)), "{flag}: {message:?}");
+        }
+    }
+
+    #[test]
+    fn options_with_effect_pass() {
+        let passes = |change: fn(&mut TranslateArgs)| assert_eq!(refused(change), None);
+        passes(|args| (args.motions, args.beam, args.n_best) = (Some("a".into()), Some(3), 4));
+        passes(|args| (args.sentence, args.seed, args.n_best) = (Some("walk".to_owned()), Some(7), 2));
+        passes(|args| {
+            (args.sentence, args.beam) = (Some("walk".to_owned()), Some(1));
+            args.out = vec!["walk.mcap".into()];
+        });
+        passes(|args| {
+            (args.sentence, args.rate) = (Some("walk".to_owned()), Some(20.0));
+            args.length_of = Some("a.npy".into());
+        });
+        // What comes line by line may be both.
+        passes(|args| (args.beam, args.settle, args.vectors) = (Some(3), Some(0.2), Some("v".into())));
+    }
+}
