@@ -22,7 +22,7 @@ pub(super) struct FootPaths {
 }
 
 /// Stance of both feet (left, right).
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Stance {
     /// Whether each foot stands, by frame.
     pub stands: Vec<[bool; 2]>,
