@@ -1,7 +1,8 @@
 //! Do the engine's two joint forms and MuJoCo agree on what a tracked body does?
 //!
-//! `cargo bench --bench fidelity` tracks motions with the bounded assist of level 2: with ball joints (the default), in
-//! reduced coordinates, in MuJoCo at the same step, and in MuJoCo at 2400 Hz, which stands for the truth.
+//! `cargo bench --bench fidelity` tracks motions with the bounded assist of level 2: with ball joints (the default, with more
+//! passes of the solver, and with shorter steps), in reduced coordinates, in MuJoCo at the same step, and in MuJoCo at 2400 Hz,
+//! which stands for the truth.
 //! All get the same URDF, gains, limits, feed-forward torques and commands.
 //! Motions are those of the bundled suite and, where `$RPRAE_DATA` is set, recordings of KIT; `-- IDS` picks some.
 //! The table is printed; `--out FILE` also writes it.
@@ -84,15 +85,20 @@ fn compare(sample: &Sample) -> Result<String, Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     write_inputs(folder.path(), &humanoid, &simulation, &settings, sample.motion.duration_secs())?;
     let truth = mujoco(folder.path(), 5)?;
-    let reduced_settings = SimulationSettings { joint_form: JointForm::Multibody, ..settings.clone() };
-    let reduced = Simulation::new(&humanoid, &sample.motion, &reduced_settings)?;
+    let with = |settings: &SimulationSettings| ours(&Simulation::new(&humanoid, &sample.motion, settings)?);
+    // More passes and shorter steps tell what of the difference is the solver's.
+    let many_passes = SimulationSettings { pgs_iterations: 64, ..settings.clone() };
+    let short_steps = SimulationSettings { dt_secs: settings.dt_secs / 5.0, ..settings.clone() };
+    let reduced = SimulationSettings { joint_form: JointForm::Multibody, ..settings.clone() };
     let engines = [
         ("balls, 480 Hz", ours(&simulation)?),
-        ("reduced, 480 Hz", ours(&reduced)?),
+        ("balls, 480 Hz, 64 passes", with(&many_passes)?),
+        ("balls, 2400 Hz", with(&short_steps)?),
+        ("reduced, 480 Hz", with(&reduced)?),
         ("MuJoCo, 480 Hz", mujoco(folder.path(), 1)?),
         ("MuJoCo, 2400 Hz", truth),
     ];
-    let truth = &engines[3].1;
+    let truth = &engines[engines.len() - 1].1;
     let interval = settings.steps_per_sample() as f64 * settings.dt_secs;
     let reference: Vec<SegmentPoses> =
         (0..truth.len()).map(|index| simulation.reference_poses(index as f64 * interval)).collect();
