@@ -130,7 +130,7 @@ fn compare(
     if facts.rprae != VERSION {
         return other(format!("by version {} of this program, which is {VERSION}", facts.rprae));
     }
-    if facts.device != selected.name {
+    if !facts.has_processor_of(&selected.name) {
         return other(format!("on {}, and {} computes now (--device)", facts.device, selected.name));
     }
     Ok(())
@@ -268,7 +268,9 @@ mod tests {
         assert!(refused(&grid, &other).contains("other data"));
         let longer = crate::experiments::grid::tests::grid("folds = 4\n[run.training]\nbatch_size = 9\n");
         assert!(refused(&longer, &full).contains("batch_size"));
-        begun(&RunFacts { device: "another processor".to_owned(), ..facts.clone() });
+        begun(&RunFacts { device: "cpu, 77 threads".to_owned(), ..facts.clone() });
+        check(&grid, &full).unwrap();
+        begun(&RunFacts { device: "another processor, 2 threads".to_owned(), ..facts.clone() });
         assert!(refused(&grid, &full).contains("another processor"));
         begun(&RunFacts { rprae: "0.0.0".to_owned(), ..facts });
         assert!(refused(&grid, &full).contains("version 0.0.0"));

@@ -48,15 +48,27 @@ impl RunFacts {
         let fields = [
             ("the version of this program", &now.rprae, &self.rprae),
             ("the fingerprint of the data", &now.data, &self.data),
-            ("the device", &now.device, &self.device),
         ];
-        match fields.into_iter().find(|(_, found, expected)| found != expected) {
+        let differing = fields.into_iter().find(|(_, found, expected)| found != expected);
+        let other_device =
+            || (!self.has_processor_of(&now.device)).then_some(("the device", &now.device, &self.device));
+        match differing.or_else(other_device) {
             Some((field, found, expected)) => {
                 Err(TrainingError::OtherRun { field, found: found.clone(), expected: expected.clone() })
             }
             None => Ok(()),
         }
     }
+
+    /// Whether this device computed, with any number of threads: no bit of a model depends on that.
+    pub(crate) fn has_processor_of(&self, device: &str) -> bool {
+        processor(&self.device) == processor(device)
+    }
+}
+
+/// A device by its name without the number of threads.
+fn processor(name: &str) -> &str {
+    name.strip_suffix(" threads").and_then(|name| name.rsplit_once(", ")).map_or(name, |(name, _)| name)
 }
 
 /// How to begin.
@@ -151,5 +163,25 @@ impl RunFolder {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_goes_on_with_any_number_of_threads_but_not_on_another_device() {
+        let facts = |device: &str| RunFacts {
+            rprae: "1.0.0".to_owned(),
+            data: "data".to_owned(),
+            device: device.to_owned(),
+            parameters: Vec::new(),
+        };
+        let before = facts("cpu, 2 threads");
+        before.allow(&facts("cpu, 16 threads")).unwrap();
+        let refused = before.allow(&facts("an adapter, Vulkan, its driver")).unwrap_err();
+        assert!(refused.to_string().contains("the device"), "{refused}");
+        facts("an adapter, Vulkan").allow(&facts("an adapter, Metal")).unwrap_err();
     }
 }
