@@ -4,7 +4,7 @@
 //! number of threads nor on the rest of the batch.
 
 use crate::lanes::{Kernel, Lanes, Number};
-use crate::panels::{Panels, WIDE};
+use crate::panels::{LINE, Panels, WIDE};
 
 /// Four vectors for each of `M` rows.
 type Block<V, const M: usize> = [[V; WIDE]; M];
@@ -19,6 +19,21 @@ pub(crate) struct Operand<'a, T> {
     pub(crate) first_row: usize,
     /// `[left column, 4 vectors]`, without the padding of the last panel.
     pub(crate) weights: &'a [T],
+    /// Weights that this thread is likely to need next, as many as `weights`.
+    pub(crate) next: &'a [T],
+}
+
+/// Asks for the line of memory at `number`, up to the second cache.
+#[inline(always)]
+#[expect(unsafe_code, reason = "there is no other way to name memory that is needed soon")]
+fn fetch<T>(number: *const T) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: a hint, which reads nothing and cannot fault whatever the address.
+    unsafe {
+        std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T1 }>(number.cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = number;
 }
 
 /// Rows in a block: as many as registers hold beside the weights.
@@ -100,12 +115,20 @@ fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: usize>(
     row: usize,
 ) -> Block<S::V, M> {
     let width = WIDTH * S::LANES;
+    // Each of the first four blocks asks for a quarter of the next weights, a line at every turn.
+    let block = row / M;
+    let (mut next, line) = match operand.next.get(operand.next.len() / WIDE * block..) {
+        Some(next) if block < WIDE => (next.as_ptr(), LINE / size_of::<T>()),
+        _ => (operand.weights.as_ptr(), 0),
+    };
     let weights = S::vectors(operand.weights);
     for (panel, weights) in operand.left.panels.iter().zip(weights.chunks(WIDE * width)) {
         let left = &panel[(operand.first_row + row) * width..][..M * width];
         // Bounded by a constant on one side and by the iterator on the other, the loop needs no checks; with any, the
         // compiler would store all sums at every turn.
         for (k, weights) in (0..width).zip(weights.chunks_exact(WIDE)) {
+            fetch(next);
+            next = next.wrapping_add(line);
             for m in 0..M {
                 let factor = s.splat(left[m * width + k]);
                 for v in 0..WIDE {
@@ -274,7 +297,9 @@ impl<T: Number> Kernel<T> for StepBack<'_, T> {
                 s.mul(s.mul(d_cell, i), s.sub(one, s.mul(g, g))),
                 s.mul(s.mul(d_hidden, tanh), s.mul(o, s.sub(one, o))),
             ];
-            gates.copy_from_slice(&gradients.map(|gradient| s.without_least(gradient)));
+            for (gate, gradient) in gates.iter_mut().zip(gradients) {
+                *gate = s.without_least(gradient);
+            }
             cell[row] = s.without_least(s.mul(d_cell, f));
         }
     }
@@ -331,14 +356,20 @@ impl<T: Number> Outer<'_, T> {
         column: usize,
         right: &[S::V],
         group: &[Run],
+        next: &[T],
         sums: &mut [S::V],
     ) {
         let width = WIDTH * S::LANES;
+        // Blocks of columns share the lines of a row of the next panel.
+        let ahead = column / M % WIDTH * (LINE / size_of::<T>());
         let mut block: Block<S::V, M> = std::array::from_fn(|m| std::array::from_fn(|v| sums[m * WIDE + v]));
         for run in group {
             let left = left[run.left * width..][..run.rows * width].chunks_exact(width);
             let right = right[run.right * WIDE..][..run.rows * WIDE].chunks_exact(WIDE);
+            let mut next = next.as_ptr().wrapping_add(run.left * width + ahead);
             for (left, right) in left.zip(right) {
+                fetch(next);
+                next = next.wrapping_add(width);
                 let left = &left[column..column + M];
                 for m in 0..M {
                     let factor = s.splat(left[m]);
@@ -360,14 +391,15 @@ impl<T: Number> Kernel<T> for Outer<'_, T> {
         let narrow = self.left.width == S::LANES;
         let ranges: Vec<_> = self.left.column_ranges().collect();
         for group in self.groups {
-            for (panel, range) in self.left.panels.iter().zip(&ranges) {
+            for (index, (panel, range)) in self.left.panels.iter().zip(&ranges).enumerate() {
+                let next = self.left.panels.get(index + 1).unwrap_or(panel);
                 let sums = &mut sums[range.start * WIDE..range.end * WIDE];
                 blocks!(S, T, range.len(), |column, M| {
                     let sums = &mut sums[column * WIDE..][..M * WIDE];
                     if narrow {
-                        Self::columns::<S, M, 1>(s, panel, column, right, group, sums);
+                        Self::columns::<S, M, 1>(s, panel, column, right, group, next, sums);
                     } else {
-                        Self::columns::<S, M, WIDE>(s, panel, column, right, group, sums);
+                        Self::columns::<S, M, WIDE>(s, panel, column, right, group, next, sums);
                     }
                 });
             }

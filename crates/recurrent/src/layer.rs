@@ -19,6 +19,12 @@ pub struct State<T> {
     pub cell: Vec<T>,
 }
 
+impl<T: Number> State<T> {
+    pub(crate) fn zeros(batch: usize, hidden: usize) -> Self {
+        Self { hidden: vec![T::default(); batch * hidden], cell: vec![T::default(); batch * hidden] }
+    }
+}
+
 /// Multiplications worth sending to another thread.
 const WORTH_SHARING: usize = 1 << 16;
 
@@ -32,6 +38,11 @@ pub(crate) fn share(tasks: usize, multiplications: usize) -> usize {
     } else {
         tasks.div_ceil(PORTIONS * rayon::current_num_threads()).max(1)
     }
+}
+
+/// The panel after this one, empty after the last.
+fn following<T>(packed: &Packed<T>, panel: usize) -> &[T] {
+    packed.get(panel + 1).map_or(&[], |next| &next[..])
 }
 
 /// Runs on a thread of the pool, where sharing a step costs no more than waking a neighbour.
@@ -108,8 +119,9 @@ impl<T: Number> History<T> {
         let mut states = Panels::zeros(batch + frames, hidden, lanes);
         let mut latest = Panels::zeros(batch, hidden, lanes);
         if let Some((hidden_states, cell_states)) = initial {
-            assert_eq!(hidden_states.len(), batch * hidden, "initial hidden states of {batch} sequences");
-            assert_eq!(cell_states.len(), batch * hidden, "initial cells of {batch} sequences");
+            let whole = plan.whole();
+            assert_eq!(hidden_states.len(), whole * hidden, "initial hidden states of {whole} sequences");
+            assert_eq!(cell_states.len(), whole * hidden, "initial cells of {whole} sequences");
             for (row, &index) in plan.order().iter().enumerate() {
                 let range = index * hidden..(index + 1) * hidden;
                 cells.set_row(row, &cell_states[range.clone()]);
@@ -133,7 +145,7 @@ impl<T: Number> History<T> {
         let rows = plan.num_frames();
         self.gates.panels.par_iter_mut().zip(&weights.input).zip(&weights.bias).for_each(
             |((gates, packed), bias)| {
-                let operand = Operand { left: input, first_row, weights: packed };
+                let operand = Operand { left: input, first_row, weights: packed, next: &[] };
                 let target = Target::Wide(gates);
                 T::run(plan.instructions, Product { start: Start::Bias(bias), operand, rows, target });
             },
@@ -159,7 +171,12 @@ impl<T: Number> History<T> {
             .for_each(|(panel, (((gates, cells), hidden), next))| {
                 let (bias, input) = match *input {
                     Hears::Rows { left, first_row } => {
-                        let operand = Operand { left, first_row, weights: &weights.input[panel] };
+                        let operand = Operand {
+                            left,
+                            first_row,
+                            weights: &weights.input[panel],
+                            next: following(&weights.input, panel),
+                        };
                         (Some(&weights.bias[panel][..]), Some(operand))
                     }
                     Hears::Gates => (None, None),
@@ -168,7 +185,12 @@ impl<T: Number> History<T> {
                 let kernel = Step {
                     bias,
                     input,
-                    recurrent: Operand { left: latest, first_row: 0, weights: &weights.recurrent[panel] },
+                    recurrent: Operand {
+                        left: latest,
+                        first_row: 0,
+                        weights: &weights.recurrent[panel],
+                        next: following(&weights.recurrent, panel),
+                    },
                     rows,
                     gates: &mut gates[frames.start * WIDE * lanes..frames.end * WIDE * lanes],
                     cells: &mut cells[before * lanes..][..(row + rows) * lanes],
@@ -217,69 +239,92 @@ impl<T: Number> History<T> {
             });
     }
 
-    /// Hidden states and cells after the last frame of each sequence, in the caller's order.
-    pub(crate) fn last_state(&self, plan: &Plan) -> State<T> {
+    /// Writes hidden states and cells after the last frame of each sequence, in the caller's order.
+    pub(crate) fn last_state(&self, plan: &Plan, state: &mut State<T>) {
         let hidden = self.hidden_units;
-        let mut state = State {
-            hidden: vec![T::default(); plan.batch() * hidden],
-            cell: vec![T::default(); plan.batch() * hidden],
-        };
         for ((row, &index), last) in plan.order().iter().enumerate().zip(plan.last_frames()) {
             let from = last.map_or(row, |frame| plan.batch() + frame);
             let range = index * hidden..(index + 1) * hidden;
             self.hidden.get_row(from, &mut state.hidden[range.clone()]);
             self.cells.get_row(from, &mut state.cell[range]);
         }
-        state
-    }
-
-    /// Gradients of the weights, once the gates hold gradients; `input` is what was heard, frame 0 at `first_row`.
-    pub(crate) fn weight_gradients(
-        &self,
-        plan: &Plan,
-        input: &Panels<T>,
-        first_row: usize,
-    ) -> LayerGradients<T> {
-        let lanes = self.hidden.width;
-        let mut bias = Panels::<T>::zeros(1, self.gates.columns, WIDE * lanes).panels;
-        let heard = [Run { left: first_row, right: 0, rows: plan.num_frames() }];
-        let input = outer(plan.instructions, input, &self.gates, &heard, Some(&mut bias));
-        let mut runs: Vec<Run> = Vec::new();
-        for step in 0..plan.num_steps() {
-            let (left, frames) = (Self::before(plan, step), plan.frames(step));
-            match runs.last_mut() {
-                Some(run) if run.left + run.rows == left => run.rows += frames.len(),
-                _ => runs.push(Run { left, right: frames.start, rows: frames.len() }),
-            }
-        }
-        let recurrent = outer(plan.instructions, &self.hidden, &self.gates, &runs, None);
-        let hidden = self.hidden_units;
-        LayerGradients {
-            input: unpack_gates(&input, hidden, lanes),
-            recurrent: unpack_gates(&recurrent, hidden, lanes),
-            bias: unpack_gates(&bias, hidden, lanes),
-        }
     }
 }
 
-/// The sum over rows of left row times right row, one buffer for each wide panel of the right.
-pub(crate) fn outer<T: Number>(
+/// A layer's way through a part of a batch, once its gates hold gradients.
+pub(crate) struct Gone<'a, T> {
+    pub(crate) plan: &'a Plan,
+    pub(crate) history: &'a History<T>,
+    /// What was heard, frame 0 at `first_row`.
+    pub(crate) input: &'a Panels<T>,
+    pub(crate) first_row: usize,
+}
+
+/// Gradients of a layer's weights: sums over all frames, part after part.
+pub(crate) fn weight_gradients<T: Number>(
     instructions: Instructions,
-    left: &Panels<T>,
-    right: &Panels<T>,
-    runs: &[Run],
+    parts: &[Gone<'_, T>],
+) -> LayerGradients<T> {
+    let lanes = T::lanes(instructions);
+    let hidden = parts.first().map_or(0, |part| part.history.hidden_units);
+    let mut bias = Panels::<T>::zeros(1, hidden.div_ceil(lanes) * WIDE * lanes, WIDE * lanes).panels;
+    let heard: Vec<Factors<'_, T>> = parts
+        .iter()
+        .map(|part| {
+            let run = Run { left: part.first_row, right: 0, rows: part.plan.num_frames() };
+            Factors { left: part.input, right: &part.history.gates, runs: vec![run] }
+        })
+        .collect();
+    let input = outer(instructions, &heard, Some(&mut bias));
+    let before: Vec<Factors<'_, T>> = parts
+        .iter()
+        .map(|part| {
+            let mut runs: Vec<Run> = Vec::new();
+            for step in 0..part.plan.num_steps() {
+                let (left, frames) = (History::<T>::before(part.plan, step), part.plan.frames(step));
+                match runs.last_mut() {
+                    Some(run) if run.left + run.rows == left => run.rows += frames.len(),
+                    _ => runs.push(Run { left, right: frames.start, rows: frames.len() }),
+                }
+            }
+            Factors { left: &part.history.hidden, right: &part.history.gates, runs }
+        })
+        .collect();
+    let recurrent = outer(instructions, &before, None);
+    LayerGradients {
+        input: unpack_gates(&input, hidden, lanes),
+        recurrent: unpack_gates(&recurrent, hidden, lanes),
+        bias: unpack_gates(&bias, hidden, lanes),
+    }
+}
+
+/// Two matrices and the rows of theirs that belong together.
+pub(crate) struct Factors<'a, T> {
+    pub(crate) left: &'a Panels<T>,
+    pub(crate) right: &'a Panels<T>,
+    pub(crate) runs: Vec<Run>,
+}
+
+/// The sum over rows of left row times right row, one buffer for each wide panel of the right.
+fn outer<T: Number>(
+    instructions: Instructions,
+    factors: &[Factors<'_, T>],
     right_sums: Option<&mut Packed<T>>,
 ) -> Packed<T> {
-    let groups = groups(runs);
+    let groups: Vec<Vec<Vec<Run>>> = factors.iter().map(|factors| groups(&factors.runs)).collect();
+    let Some(Factors { left, right, .. }) = factors.first() else { return Vec::new() };
     let mut sums: Packed<T> =
         right.panels.iter().map(|_| Buffer::zeros(left.columns * right.width)).collect();
     let mut right_sums: Vec<Option<&mut Buffer<T>>> = match right_sums {
         Some(right_sums) => right_sums.iter_mut().map(Some).collect(),
         None => right.panels.iter().map(|_| None).collect(),
     };
-    sums.par_iter_mut().zip(&right.panels).zip(&mut right_sums).for_each(|((sums, right), right_sum)| {
-        let right_sum = right_sum.as_deref_mut().map(|sum| &mut sum[..]);
-        T::run(instructions, Outer { left, right, groups: &groups, sums, right_sum });
+    sums.par_iter_mut().zip(&mut right_sums).enumerate().for_each(|(panel, (sums, right_sum))| {
+        for (factors, groups) in factors.iter().zip(&groups) {
+            let right_sum = right_sum.as_deref_mut().map(|sum| &mut sum[..]);
+            let right = &factors.right.panels[panel];
+            T::run(instructions, Outer { left: factors.left, right, groups, sums, right_sum });
+        }
     });
     sums
 }
@@ -287,16 +332,15 @@ pub(crate) fn outer<T: Number>(
 /// The outer product in the caller's order, `[left column, right column]`, and the sum of the right rows.
 pub(crate) fn plain_outer<T: Number>(
     instructions: Instructions,
-    left: &Panels<T>,
-    right: &Panels<T>,
-    run: Run,
+    factors: &[Factors<'_, T>],
 ) -> (Vec<T>, Vec<T>) {
-    let mut sum = Panels::zeros(1, right.columns, right.width);
-    let product = outer(instructions, left, right, &[run], Some(&mut sum.panels));
-    let lanes = right.width / WIDE;
-    let mut total = vec![T::default(); right.columns];
+    let (columns, width) =
+        factors.first().map_or((0, 1), |factors| (factors.right.columns, factors.right.width));
+    let mut sum = Panels::zeros(1, columns, width);
+    let product = outer(instructions, factors, Some(&mut sum.panels));
+    let mut total = vec![T::default(); columns];
     sum.get_row(0, &mut total);
-    (unpack_columns(&product, right.columns, lanes), total)
+    (unpack_columns(&product, columns, width / WIDE), total)
 }
 
 /// Gradient of a layer's states, `[batch, hidden]` each: of those after the last frame at first, of the initial ones at last.
@@ -315,8 +359,9 @@ impl<T: Number> StateGradient<T> {
         Self { hidden: gather(last.map(|last| &last.hidden)), cell: gather(last.map(|last| &last.cell)) }
     }
 
-    pub(crate) fn into_state(self, plan: &Plan) -> State<T> {
-        State { hidden: plan.scatter_rows(&self.hidden), cell: plan.scatter_rows(&self.cell) }
+    pub(crate) fn write(&self, plan: &Plan, state: &mut State<T>) {
+        plan.scatter_rows(&self.hidden, &mut state.hidden);
+        plan.scatter_rows(&self.cell, &mut state.cell);
     }
 }
 
@@ -333,6 +378,7 @@ pub(crate) struct Destination<'a, T> {
 struct Piece<'a, T> {
     target: Vec<&'a mut [T]>,
     weights: &'a [T],
+    next: &'a [T],
     bias: Option<&'a [T]>,
 }
 
@@ -352,13 +398,18 @@ pub(crate) fn multiply<T: Number>(
         for (index, (panels, weights)) in panels.panels.chunks_mut(together).zip(packed).enumerate() {
             let target =
                 panels.iter_mut().map(|panel| &mut panel[first_row * width..][..rows * width]).collect();
-            pieces.push(Piece { target, weights, bias: bias.map(|bias| &bias[index][..]) });
+            pieces.push(Piece {
+                target,
+                weights,
+                next: following(packed, index),
+                bias: bias.map(|bias| &bias[index][..]),
+            });
         }
     }
     let min = share(pieces.len(), pieces.len() * rows * left.columns * WIDE * lanes);
     pieces.par_iter_mut().with_min_len(min).for_each(|piece| {
         let start = piece.bias.map_or(Start::Zero, Start::Bias);
-        let operand = Operand { left, first_row, weights: piece.weights };
+        let operand = Operand { left, first_row, weights: piece.weights, next: piece.next };
         let target = match &mut piece.target[..] {
             [wide] if wide.len() == rows * WIDE * lanes => Target::Wide(wide),
             narrow => Target::Narrow(narrow),
@@ -390,7 +441,7 @@ pub(crate) fn multiply_all<T: Number>(
         }
         chunks.par_iter_mut().enumerate().for_each(|(index, parts)| {
             let rows = ROWS.min(rows - index * ROWS);
-            let operand = Operand { left, first_row: first_row + index * ROWS, weights };
+            let operand = Operand { left, first_row: first_row + index * ROWS, weights, next: &[] };
             let target = match &mut parts[..] {
                 [wide] if width == WIDE * lanes => Target::Wide(wide),
                 narrow => Target::Narrow(narrow),

@@ -9,7 +9,7 @@ use std::ops::{Deref, DerefMut};
 use crate::lanes::Number;
 
 /// Bytes of a cache line; vectors that straddle two of them load at half speed.
-const LINE: usize = 64;
+pub(crate) const LINE: usize = 64;
 
 /// Vectors in a wide panel: one for each gate of a unit.
 pub(crate) const WIDE: usize = 4;

@@ -28,9 +28,25 @@ pub struct Plan {
     lengths: Vec<usize>,
     /// First frame of each step, and the number of frames at the end.
     offsets: Vec<usize>,
+    /// Sequences in the caller's batch.
+    whole: usize,
     width: usize,
     direction: Direction,
     pub(crate) instructions: Instructions,
+}
+
+/// The fewest sequences worth a part of their own: with two blocks of them, weights are read twice for every time they are fetched.
+const ROWS_OF_A_PART: usize = 12;
+
+/// First frame of each step for sequences of these lengths, not rising, and the number of frames at the end.
+fn offsets(lengths: &[usize]) -> Vec<usize> {
+    let mut offsets = vec![0];
+    let mut frames = 0;
+    for step in 0..lengths.first().copied().unwrap_or(0) {
+        frames += lengths.partition_point(|&length| length > step);
+        offsets.push(frames);
+    }
+    offsets
 }
 
 impl Plan {
@@ -46,19 +62,45 @@ impl Plan {
         let sorted: Vec<usize> = order.iter().map(|&index| lengths[index]).collect();
         let steps = sorted.first().copied().unwrap_or(0);
         assert!(steps <= width, "a sequence of {steps} frames in a batch of width {width}");
-        let mut offsets = vec![0];
-        let mut frames = 0;
-        for step in 0..steps {
-            frames += sorted.partition_point(|&length| length > step);
-            offsets.push(frames);
-        }
-        Self { order, lengths: sorted, offsets, width, direction, instructions }
+        let offsets = offsets(&sorted);
+        Self { order, lengths: sorted, offsets, whole: lengths.len(), width, direction, instructions }
     }
 
-    /// Sequences in the batch.
+    /// The batch in parts that share nothing but the weights: threads that work on different parts need not wait for each other
+    /// at every step.
+    ///
+    /// The longest sequences come first, and each part has about as many frames as the other. A part of few sequences would read
+    /// all weights for little work, so that small batches stay whole. Nothing here depends on the number of threads.
+    pub(crate) fn parts(&self) -> Vec<Self> {
+        let batch = self.batch();
+        if batch < 2 * ROWS_OF_A_PART {
+            return vec![self.clone()];
+        }
+        let mut frames = 0;
+        let half = self.lengths.iter().take_while(|&length| {
+            frames += length;
+            2 * frames <= self.num_frames()
+        });
+        let cut = half.count().clamp(ROWS_OF_A_PART, batch - ROWS_OF_A_PART);
+        [0..cut, cut..batch]
+            .into_iter()
+            .map(|rows| {
+                let lengths = self.lengths[rows.clone()].to_vec();
+                let offsets = offsets(&lengths);
+                Self { order: self.order[rows].to_vec(), lengths, offsets, ..*self }
+            })
+            .collect()
+    }
+
+    /// Sequences in the batch, or in this part of it.
     #[must_use]
     pub fn batch(&self) -> usize {
         self.order.len()
+    }
+
+    /// Sequences in the caller's batch.
+    pub(crate) fn whole(&self) -> usize {
+        self.whole
     }
 
     /// Frames of all sequences together, without padding.
@@ -126,25 +168,24 @@ impl Plan {
         panels
     }
 
-    /// The reverse of [`Plan::gather`]: rows from `first_row` on, zeros in the padding.
-    pub(crate) fn scatter<T: Number>(&self, panels: &Panels<T>, first_row: usize) -> Vec<T> {
+    /// The reverse of [`Plan::gather`]: rows from `first_row` on; the padding stays as it is.
+    pub(crate) fn scatter<T: Number>(&self, panels: &Panels<T>, first_row: usize, values: &mut [T]) {
         let columns = panels.columns;
-        let mut values = vec![T::default(); self.batch() * self.width * columns];
         if columns * self.width == 0 {
-            return values;
+            return;
         }
-        let mut rows = vec![0; self.batch()];
+        let mut rows = vec![None; self.whole];
         for (row, &index) in self.order.iter().enumerate() {
-            rows[index] = row;
+            rows[index] = Some(row);
         }
         values.par_chunks_exact_mut(self.width * columns).zip(rows).for_each(|(sequence, row)| {
+            let Some(row) = row else { return };
             for step in 0..self.lengths[row] {
                 let time = self.place(row, step) % self.width;
                 let frame = first_row + self.offsets[step] + row;
                 panels.get_row(frame, &mut sequence[time * columns..][..columns]);
             }
         });
-        values
     }
 
     /// Values `[batch, column]` as rows.
@@ -157,12 +198,10 @@ impl Plan {
     }
 
     /// The reverse of [`Plan::gather_rows`].
-    pub(crate) fn scatter_rows<T: Number>(&self, panels: &Panels<T>) -> Vec<T> {
-        let mut values = vec![T::default(); self.batch() * panels.columns];
+    pub(crate) fn scatter_rows<T: Number>(&self, panels: &Panels<T>, values: &mut [T]) {
         for (row, &index) in self.order.iter().enumerate() {
             panels.get_row(row, &mut values[index * panels.columns..][..panels.columns]);
         }
-        values
     }
 }
 
@@ -183,7 +222,8 @@ mod tests {
             let values: Vec<f32> = (0..32).map(|i| (i / 2 * 10 + i % 2) as f32 - 20.0).collect();
             let panels = plan.gather(&values, 2, 16);
             assert_eq!(panels.panels[0][..2], [first, first + 1.0]);
-            let back = plan.scatter(&panels, 0);
+            let mut back = vec![0.0; values.len()];
+            plan.scatter(&panels, 0, &mut back);
             for (sequence, length) in lengths.into_iter().enumerate() {
                 for time in 0..4 {
                     let at = (sequence * 4 + time) * 2..(sequence * 4 + time) * 2 + 2;
@@ -192,5 +232,24 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_large_batch_has_two_parts_of_about_as_many_frames() {
+        let plan = |lengths: &[usize]| Plan::new(lengths, 40, Direction::Forward, Instructions::best());
+        assert_eq!(plan(&[7; 23]).parts().len(), 1, "too few sequences for two parts");
+        assert_eq!(plan(&[]).parts().len(), 1);
+        let lengths: Vec<usize> = (0..40).collect();
+        let parts = plan(&lengths).parts();
+        let frames: Vec<usize> = parts.iter().map(Plan::num_frames).collect();
+        assert_eq!(
+            (frames.iter().sum::<usize>(), parts[0].batch()),
+            (780, 12),
+            "the longest twelve: 39 to 28"
+        );
+        assert_eq!(frames[0], 402);
+        assert_eq!(parts[0].order(), (28..40).rev().collect::<Vec<_>>());
+        assert_eq!(parts[1].order(), (0..28).rev().collect::<Vec<_>>());
+        assert_eq!((parts[0].num_steps(), parts[1].num_steps(), parts[1].whole()), (39, 27, 40));
     }
 }

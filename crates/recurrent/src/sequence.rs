@@ -1,8 +1,11 @@
 //! A layer over sequences that are known beforehand.
 
+use rayon::prelude::*;
+
 use crate::lanes::Number;
 use crate::layer::{
-    Backward, Destination, Forward, Hears, History, State, StateGradient, in_pool, multiply, multiply_all,
+    Backward, Destination, Forward, Gone, Hears, History, State, StateGradient, in_pool, multiply,
+    multiply_all, weight_gradients,
 };
 use crate::panels::{Panels, WIDE};
 use crate::plan::Plan;
@@ -11,6 +14,14 @@ use crate::weights::{LayerGradients, LayerWeights};
 /// A layer's way through a batch, kept for the way back.
 #[derive(Debug, Clone)]
 pub struct Sequence<T> {
+    plan: Plan,
+    parts: Vec<Part<T>>,
+    hidden_units: usize,
+}
+
+/// The way of a part of the batch.
+#[derive(Debug, Clone)]
+struct Part<T> {
     plan: Plan,
     input: Panels<T>,
     history: History<T>,
@@ -36,23 +47,38 @@ impl<T: Number> Sequence<T> {
     ) -> Self {
         let lanes = T::lanes(plan.instructions);
         let (feature, hidden) = (weights.feature(), weights.hidden());
-        assert_eq!(input.len(), plan.batch() * plan.width() * feature, "input of {feature} features");
+        assert_eq!(input.len(), plan.whole() * plan.width() * feature, "input of {feature} features");
         let packed = Forward::new(weights, lanes);
-        let input = plan.gather(input, feature, WIDE * lanes);
-        let mut history = History::new(&plan, initial, hidden, lanes);
-        history.hear(&plan, &packed, &input, 0);
-        for step in 0..plan.num_steps() {
-            history.step(&plan, &packed, step, &Hears::Gates);
-        }
-        Self { plan, input, history }
+        let parts = plan
+            .parts()
+            .into_par_iter()
+            .map(|plan| {
+                let input = plan.gather(input, feature, WIDE * lanes);
+                let mut history = History::new(&plan, initial, hidden, lanes);
+                history.hear(&plan, &packed, &input, 0);
+                for step in 0..plan.num_steps() {
+                    history.step(&plan, &packed, step, &Hears::Gates);
+                }
+                Part { plan, input, history }
+            })
+            .collect();
+        Self { plan, parts, hidden_units: hidden }
     }
 
     pub(crate) fn hidden_states(&self) -> Vec<T> {
-        self.plan.scatter(&self.history.hidden, self.plan.batch())
+        let mut states = vec![T::default(); self.plan.whole() * self.plan.width() * self.hidden_units];
+        for part in &self.parts {
+            part.plan.scatter(&part.history.hidden, part.plan.batch(), &mut states);
+        }
+        states
     }
 
     pub(crate) fn state(&self) -> State<T> {
-        self.history.last_state(&self.plan)
+        let mut state = State::zeros(self.plan.whole(), self.hidden_units);
+        for part in &self.parts {
+            part.history.last_state(&part.plan, &mut state);
+        }
+        state
     }
 
     pub(crate) fn run_back(
@@ -62,36 +88,61 @@ impl<T: Number> Sequence<T> {
         last: Option<&State<T>>,
         want_input: bool,
     ) -> SequenceGradients<T> {
-        let plan = &self.plan;
-        let lanes = T::lanes(plan.instructions);
+        let instructions = self.plan.instructions;
+        let lanes = T::lanes(instructions);
         let (feature, hidden) = (weights.feature(), weights.hidden());
         let packed = Backward::new(weights, lanes);
+        let states: Vec<StateGradient<T>> =
+            self.parts.par_iter_mut().map(|part| part.back(&packed, output, last, hidden)).collect();
+        let mut initial = State::zeros(self.plan.whole(), hidden);
+        for (part, gradient) in self.parts.iter().zip(&states) {
+            gradient.write(&part.plan, &mut initial);
+        }
+        let input = want_input.then(|| {
+            let mut input = vec![T::default(); self.plan.whole() * self.plan.width() * feature];
+            for Part { plan, history, .. } in &self.parts {
+                let rows = plan.num_frames();
+                let product =
+                    multiply_all(instructions, &history.gates, 0, rows, &packed.input, feature, WIDE * lanes);
+                plan.scatter(&product, 0, &mut input);
+            }
+            input
+        });
+        let gone: Vec<Gone<'_, T>> = self
+            .parts
+            .iter()
+            .map(|Part { plan, input, history }| Gone { plan, history, input, first_row: 0 })
+            .collect();
+        SequenceGradients { input, weights: weight_gradients(instructions, &gone), initial }
+    }
+}
+
+impl<T: Number> Part<T> {
+    /// Fills the gates with gradients; yields that of the initial state.
+    fn back(
+        &mut self,
+        packed: &Backward<T>,
+        output: Option<&[T]>,
+        last: Option<&State<T>>,
+        hidden: usize,
+    ) -> StateGradient<T> {
+        let Self { plan, history, .. } = self;
+        let lanes = T::lanes(plan.instructions);
         let above = output.map(|output| plan.gather(output, hidden, lanes));
         let mut gradient = StateGradient::new(plan, last, hidden, lanes);
         for step in (0..plan.num_steps()).rev() {
             let frames = plan.frames(step);
             let from_above = above.as_ref().map(|above| (above, frames.start));
-            self.history.step_back(plan, step, from_above, &mut gradient);
+            history.step_back(plan, step, from_above, &mut gradient);
             let destination = Destination {
                 panels: &mut gradient.hidden,
                 first_row: 0,
                 packed: &packed.recurrent,
                 bias: None,
             };
-            multiply(plan.instructions, &self.history.gates, frames.start, frames.len(), vec![destination]);
+            multiply(plan.instructions, &history.gates, frames.start, frames.len(), vec![destination]);
         }
-        let input = want_input.then(|| {
-            let gates = &self.history.gates;
-            let rows = plan.num_frames();
-            let product =
-                multiply_all(plan.instructions, gates, 0, rows, &packed.input, feature, WIDE * lanes);
-            plan.scatter(&product, 0)
-        });
-        SequenceGradients {
-            input,
-            weights: self.history.weight_gradients(plan, &self.input, 0),
-            initial: gradient.into_state(plan),
-        }
+        gradient
     }
 }
 

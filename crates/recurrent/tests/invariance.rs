@@ -125,6 +125,9 @@ fn closed_loop(lengths: &[usize], width: usize, words: bool, instructions: Instr
 }
 
 const LENGTHS: [usize; 9] = [7, 3, 0, 12, 12, 1, 9, 3, 2];
+/// Enough sequences to be worked on in parts.
+const MANY: [usize; 28] =
+    [7, 3, 0, 12, 12, 1, 9, 3, 2, 5, 5, 4, 11, 8, 6, 2, 2, 10, 1, 3, 3, 4, 5, 6, 0, 1, 12, 7];
 
 fn bits(values: &[Vec<f32>]) -> Vec<Vec<u32>> {
     values.iter().map(|values| values.iter().map(|number| number.to_bits()).collect()).collect()
@@ -134,28 +137,30 @@ fn bits(values: &[Vec<f32>]) -> Vec<Vec<u32>> {
 fn padding_changes_no_bit() {
     for instructions in Instructions::all() {
         for direction in [Direction::Forward, Direction::Backward] {
-            let narrow = sequence(&LENGTHS, 12, 0.0, direction, instructions);
-            let padded = sequence(&LENGTHS, 31, f32::NAN, direction, instructions);
+            let narrow = sequence(&MANY, 12, 0.0, direction, instructions);
+            let padded = sequence(&MANY, 31, f32::NAN, direction, instructions);
             assert!(narrow.iter().flatten().all(|number| number.is_finite()));
             assert_eq!(bits(&narrow), bits(&padded));
         }
         for words in [false, true] {
-            let narrow = closed_loop(&LENGTHS, 12, words, instructions);
+            let narrow = closed_loop(&MANY, 12, words, instructions);
             assert!(narrow.iter().flatten().all(|number| number.is_finite()));
-            assert_eq!(bits(&narrow), bits(&closed_loop(&LENGTHS, 20, words, instructions)));
+            assert_eq!(bits(&narrow), bits(&closed_loop(&MANY, 20, words, instructions)));
         }
     }
 }
 
 #[test]
 fn the_rest_of_the_batch_changes_no_bit_of_a_sequence() {
-    for instructions in Instructions::all() {
-        let all = sequence(&LENGTHS, 12, 0.0, Direction::Forward, instructions);
+    for (instructions, lengths) in
+        Instructions::all().into_iter().flat_map(|i| [(i, &LENGTHS[..]), (i, &MANY)])
+    {
+        let all = sequence(lengths, 12, 0.0, Direction::Forward, instructions);
         // The first sequence alone: its output, last state and gradient of the input.
         let alone = sequence(&LENGTHS[..1], 7, 0.0, Direction::Forward, instructions);
         assert_eq!(bits(&[all[0][..7 * HIDDEN].to_vec()]), bits(&alone[..1]));
         assert_eq!(bits(&[all[3][..7 * FEATURE].to_vec()]), bits(&alone[3..4]));
-        let all = closed_loop(&LENGTHS, 12, false, instructions);
+        let all = closed_loop(lengths, 12, false, instructions);
         let alone = closed_loop(&LENGTHS[..1], 7, false, instructions);
         assert_eq!(bits(&[all[0][..7 * FEATURE].to_vec()]), bits(&alone[..1]));
     }
@@ -163,20 +168,27 @@ fn the_rest_of_the_batch_changes_no_bit_of_a_sequence() {
 
 #[test]
 fn the_number_of_threads_changes_no_bit() {
-    let run = |threads: usize, instructions: Instructions| {
+    let run = |threads: usize, lengths: &[usize], instructions: Instructions| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             [
-                bits(&sequence(&LENGTHS, 12, 0.0, Direction::Backward, instructions)),
-                bits(&closed_loop(&LENGTHS, 12, false, instructions)),
-                bits(&closed_loop(&LENGTHS, 12, true, instructions)),
+                bits(&sequence(lengths, 12, 0.0, Direction::Backward, instructions)),
+                bits(&closed_loop(lengths, 12, false, instructions)),
+                bits(&closed_loop(lengths, 12, true, instructions)),
             ]
         })
     };
-    for instructions in Instructions::all() {
-        let alone = run(1, instructions);
+    for (instructions, lengths) in
+        Instructions::all().into_iter().flat_map(|i| [(i, &LENGTHS[..]), (i, &MANY)])
+    {
+        let alone = run(1, lengths, instructions);
         for threads in [2, 3, 8] {
-            assert_eq!(alone, run(threads, instructions), "{threads} threads with {}", instructions.name());
+            assert_eq!(
+                alone,
+                run(threads, lengths, instructions),
+                "{threads} threads with {}",
+                instructions.name()
+            );
         }
     }
 }
