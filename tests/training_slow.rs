@@ -176,6 +176,7 @@ fn memory_is_flat_over_two_thousand_iterations() {
         data: set.fingerprint.clone(),
         device: "cpu".to_owned(),
         parameters: Vec::new(),
+        mirrored: None,
     };
     let run = RunFolder::open(folder.path(), &settings, &facts, Begin::New).unwrap();
     let mut memory = Vec::new();

@@ -3,7 +3,7 @@
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
-use crate::motion::{Axis, Frame, JOINTS, Motion, MotionError, joint_index};
+use crate::motion::{Frame, Motion, MotionError, joint_index};
 
 /// How far a floating body is lifted, metres.
 const FLOAT_M: f64 = 0.08;
@@ -129,7 +129,7 @@ impl Fault {
                 let frames = frames.iter().rev().copied().collect();
                 Motion::new(motion.body(), motion.rate_hz(), frames)
             }
-            Self::Mirror => motion.clone().map_frames(|_, frame| mirror(frame)),
+            Self::Mirror => motion.clone().map_frames(|_, frame| *frame = frame.mirrored()),
         }
     }
 }
@@ -157,24 +157,6 @@ fn lean(frame: &mut Frame) {
     let about_floor = Isometry3::from(floor) * turn * Isometry3::from(floor.inverse());
     let leaning = about_floor * frame.world_from_root();
     frame.set_world_from_root(&leaning);
-}
-
-/// Reflects in the plane x = 0.
-fn mirror(frame: &mut Frame) {
-    let original = frame.joint_angles_rad;
-    for (index, joint) in JOINTS.iter().enumerate() {
-        let name = joint.short_name();
-        let other = match name.as_bytes().first() {
-            Some(b'L') => joint_index(&format!("R{}", &name[1..])),
-            Some(b'R') => joint_index(&format!("L{}", &name[1..])),
-            _ => None,
-        };
-        let angle = original[other.unwrap_or(index)];
-        frame.joint_angles_rad[index] = if joint.axis == Axis::X { angle } else { -angle };
-    }
-    frame.root_position_m[0] = -frame.root_position_m[0];
-    frame.root_rotation_rad[1] = -frame.root_rotation_rad[1];
-    frame.root_rotation_rad[2] = -frame.root_rotation_rad[2];
 }
 
 /// Normally distributed numbers: Steele, Lea and Flood 2014 (`SplitMix64`), then Box and Muller 1958.

@@ -10,6 +10,7 @@ use super::grid::Cell;
 use crate::features::{MotionFeatures, Normalizer, Pair, PreparedSet, Split};
 use crate::manifest::sha256_hex;
 use crate::motion::NUM_CHANNELS;
+use crate::training::Plan;
 
 /// Why a model has no data.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
@@ -67,6 +68,8 @@ pub struct Drawn {
     /// Samples that an epoch of stage 1 goes through; without stage 1 those of the model with all non-paired samples, which
     /// has as many updates.
     pub stage1_samples: usize,
+    /// The same with mirror images.
+    pub mirrored_stage1_samples: usize,
 }
 
 /// The set of a cell: the part that is scored is its test split, and its pairs and non-paired samples are drawn.
@@ -93,7 +96,7 @@ pub fn draw(full: &PreparedSet, cell: &Cell, folds: usize) -> Result<Drawn, Draw
         Some(num_pairs) => set.paired.truncate(num_pairs),
         None => return Err(DrawError::TooFewPairs { asked: cell.paired, found }),
     }
-    let samples = |set: &PreparedSet| set.non_paired_captions.len().max(set.non_paired_motions.len());
+    let samples = |set: &PreparedSet| [false, true].map(|mirror| Plan::stage1_samples(set, mirror));
     let mut stage1_samples = samples(&set);
     match cell.non_paired {
         None => {
@@ -103,7 +106,7 @@ pub fn draw(full: &PreparedSet, cell: &Cell, folds: usize) -> Result<Drawn, Draw
         Some(Amount::All) => {}
         Some(Amount::Some(amount)) => {
             let (captions, motions) = (set.non_paired_captions.len(), set.non_paired_motions.len());
-            if amount > stage1_samples {
+            if amount > stage1_samples[0] {
                 return Err(DrawError::TooFewSamples { asked: amount, captions, motions });
             }
             if amount < set.paired.len() {
@@ -122,7 +125,8 @@ pub fn draw(full: &PreparedSet, cell: &Cell, folds: usize) -> Result<Drawn, Draw
         }
     }
     set.paired.sort_unstable();
-    Ok(Drawn { set: set.with_fingerprint(), stage1_samples })
+    let [stage1_samples, mirrored_stage1_samples] = stage1_samples;
+    Ok(Drawn { set: set.with_fingerprint(), stage1_samples, mirrored_stage1_samples })
 }
 
 fn key(seed: u64, purpose: &str, what: &str) -> String {

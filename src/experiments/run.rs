@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::draw::{DrawError, draw};
 use super::grid::{Cell, Grid, GridError};
-use crate::features::PreparedSet;
+use crate::features::{MirrorCount, PreparedSet};
 use crate::manifest::{VERSION, write_file};
 use crate::model::{self, Bundle, BundleError, Rprae, Selected};
 use crate::training::{
@@ -76,7 +76,8 @@ fn prepare(grid: &Grid, cell: &Cell, full: &PreparedSet) -> Result<(PreparedSet,
     let mut settings = grid.settings(cell)?;
     let training = &mut settings.training;
     if training.schedule == Schedule::VanillaEqualUpdates {
-        training.stage1_iterations = Some(Plan::stage1_iterations(training, drawn.stage1_samples));
+        let samples = if training.mirror { drawn.mirrored_stage1_samples } else { drawn.stage1_samples };
+        training.stage1_iterations = Some(Plan::stage1_iterations(training, samples));
     }
     Ok((drawn.set, settings))
 }
@@ -173,6 +174,7 @@ pub fn train_cell(
             .into_iter()
             .map(|(part, count)| (part.to_owned(), count))
             .collect(),
+        mirrored: settings.training.mirror.then(|| MirrorCount::of(&set)),
     };
     drop(untrained);
     let folder = RunFolder::open(&path, &settings, &facts, begin).map_err(failed)?;
@@ -187,7 +189,7 @@ pub fn train_cell(
         _ => None,
     });
     let card = training::card(&settings, &set, &facts, &trained, best.as_ref(), "");
-    Bundle::new(&trained.model, &settings.model, &set).save(&path.join(BUNDLE), &card)?;
+    trained.bundle(&settings, &set).save(&path.join(BUNDLE), &card)?;
     // What it could go on from is of no use any more, and larger than the model.
     fs::remove_dir_all(path.join(CHECKPOINTS))?;
     Ok(())
@@ -229,7 +231,8 @@ mod tests {
         let epochs =
             grid("folds = 4\n[run.training]\nbatch_size = 2\nstage1_epochs = 3\nstage2_epochs = 5\n");
         let counted = grid("folds = 4\n[run.training]\nbatch_size = 2\nstage1_iterations = 7\n");
-        for (grid, fold) in [(&epochs, 0), (&epochs, 2), (&counted, 1)] {
+        let mirrored = grid("folds = 4\n[run.training]\nbatch_size = 2\nstage1_epochs = 3\nmirror = true\n");
+        for (grid, fold) in [(&epochs, 0), (&epochs, 2), (&counted, 1), (&mirrored, 0)] {
             let plan = |role| {
                 let (set, settings) = prepare(grid, &cell(role, fold), &full()).unwrap();
                 assert_eq!(set.non_paired_motions.is_empty(), role == Role::Vanilla);
@@ -253,6 +256,7 @@ mod tests {
             data: set.fingerprint.clone(),
             device: selected.name.clone(),
             parameters: Vec::new(),
+            mirrored: None,
         };
         let check = |grid: &Grid, full: &PreparedSet| check_cell(grid, &cell, full, out.path(), &selected);
         check(&grid, &full).unwrap();

@@ -5,10 +5,12 @@
 //! This module reads no files and knows no geometry; positions of limbs come from [`crate::kinematics`].
 
 mod jumps;
+mod mirror;
 mod resample;
 pub mod skeleton;
 
 pub use jumps::{JUMP_SPEED_RAD_S, Jump, MAX_EXCURSION_SECS, filter_jumps, find_jumps};
+pub use mirror::mirrored_channels;
 pub(crate) use resample::closest_turns;
 pub use skeleton::{Axis, JOINTS, JointInfo, NUM_CHANNELS, NUM_JOINTS, joint_index};
 

@@ -36,7 +36,7 @@ pub fn card(
          | motions in training, validation and test | {}, {}, {} |\n\
          | non-paired motions and captions of stage 1 | {}, {} |\n\
          | pairs of stage 2 | {} |\n\
-         | words, of which with a given vector | {}, {} |\n\
+         {}| words, of which with a given vector | {}, {} |\n\
          | fingerprint | `{}` |\n\n\
          ## Training\n\n\
          Iterations {} of {} (stage 1: {}, stage 2: {}); these are the weights after iteration {}. Seed {}, batches of {},\n\
@@ -51,6 +51,7 @@ pub fn card(
         set.non_paired_motions.len(),
         set.non_paired_captions.len(),
         set.paired.len(),
+        mirrored(facts),
         set.vocabulary.words.len(),
         set.vocabulary.vectors.iter().flatten().count(),
         set.fingerprint,
@@ -92,4 +93,19 @@ pub fn card(
          believing it.\n"
     );
     card
+}
+
+/// Rows on mirror images; none where there are none.
+fn mirrored(facts: &RunFacts) -> String {
+    facts.mirrored.map_or(String::new(), |count| {
+        format!(
+            "| mirror images of non-paired motions and captions, captions without one | {}, {}, {} |\n\
+             | mirror images of pairs, pairs without one | {}, {} |\n",
+            count.num_motions,
+            count.num_captions,
+            count.num_captions_left_out,
+            count.num_pairs,
+            count.num_pairs_left_out,
+        )
+    })
 }

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::TrainingError;
 use super::settings::RunSettings;
+use crate::features::MirrorCount;
 use crate::manifest::write_file;
 
 /// Name of the settings in a run folder.
@@ -40,6 +41,9 @@ pub struct RunFacts {
     pub device: String,
     /// Trained numbers of each part.
     pub parameters: Vec<(String, usize)>,
+    /// Mirror images that were learned from; `None` where the settings ask for none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mirrored: Option<MirrorCount>,
 }
 
 impl RunFacts {
@@ -177,6 +181,7 @@ mod tests {
             data: "data".to_owned(),
             device: device.to_owned(),
             parameters: Vec::new(),
+            mirrored: None,
         };
         let before = facts("cpu, 2 threads");
         before.allow(&facts("cpu, 16 threads")).unwrap();

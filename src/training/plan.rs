@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::settings::{Schedule, TrainingSettings};
-use crate::features::PreparedSet;
+use crate::features::{MirrorCount, PreparedSet};
 
 /// A stage of the training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -44,14 +44,14 @@ pub(super) fn iterations_per_epoch(places: usize, batch_size: usize) -> usize {
 }
 
 impl Plan {
-    /// The plan of some settings for some data.
+    /// The plan of some settings for some data, a prepared set without mirror images.
     ///
     /// An epoch of stage 1 goes once through the larger of the two collections; the smaller one begins anew meanwhile.
     #[must_use]
     pub fn new(settings: &TrainingSettings, set: &PreparedSet) -> Self {
-        let samples = set.non_paired_captions.len().max(set.non_paired_motions.len());
-        let stage1 = Self::stage1_iterations(settings, samples);
-        let stage2_epoch = iterations_per_epoch(set.paired.len(), settings.batch_size);
+        let stage1 = Self::stage1_iterations(settings, Self::stage1_samples(set, settings.mirror));
+        let images = if settings.mirror { MirrorCount::of(set).num_pairs } else { 0 };
+        let stage2_epoch = iterations_per_epoch(set.paired.len() + images, settings.batch_size);
         let stage2 = settings.stage2_iterations.unwrap_or(settings.stage2_epochs * stage2_epoch);
         let (stage1, stage2) = match settings.schedule {
             Schedule::TwoStage => (stage1, stage2),
@@ -59,6 +59,15 @@ impl Plan {
             Schedule::VanillaEqualUpdates => (0, stage1 + stage2),
         };
         Self { stage1, stage2, alternate_every: settings.alternate_every }
+    }
+
+    /// Samples that an epoch of stage 1 goes through: those of the larger of the two collections, with their mirror
+    /// images where they have some.
+    #[must_use]
+    pub fn stage1_samples(set: &PreparedSet, mirror: bool) -> usize {
+        let images = if mirror { MirrorCount::of(set) } else { MirrorCount::default() };
+        let captions = set.non_paired_captions.len() + images.num_captions;
+        captions.max(set.non_paired_motions.len() + images.num_motions)
     }
 
     /// Iterations of stage 1 where the larger of the two collections has so many samples.
@@ -125,6 +134,17 @@ mod tests {
         assert_eq!((plan.stage1, plan.stage2), (0, 2_800));
         let plan = paper(Schedule::VanillaEqualUpdates, 500);
         assert_eq!((plan.stage1, plan.stage2), (0, 13_800));
+    }
+
+    #[test]
+    fn mirror_images_make_epochs_longer() {
+        let set = crate::training::tests::four_pairs();
+        let plan = |mirror| {
+            let settings = TrainingSettings { batch_size: 3, mirror, ..TrainingSettings::default() };
+            Plan::new(&settings, &set)
+        };
+        assert_eq!((plan(false).stage1, plan(false).stage2), (200 * 2, 400 * 2));
+        assert_eq!((plan(true).stage1, plan(true).stage2), (200 * 3, 400 * 3));
     }
 
     #[test]

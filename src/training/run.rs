@@ -18,7 +18,7 @@ use super::record::{Iteration, LossValues, Validation};
 use super::settings::{Keep, RunSettings};
 use super::validation::{CaptionScore, validate};
 use crate::features::PreparedSet;
-use crate::model::{Feeds, Losses, Part, Rprae, load_weights, weights};
+use crate::model::{Bundle, Feeds, Losses, Part, Rprae, load_weights, weights};
 
 /// What happens during a run.
 #[derive(Debug)]
@@ -53,9 +53,27 @@ pub struct Trained {
     pub best: Option<Best>,
     /// Iterations behind the run.
     pub done: usize,
+    /// What it learned from, where that is more than was prepared.
+    mirrored: Option<PreparedSet>,
+}
+
+impl Trained {
+    /// What it learned from, in its range, given the prepared set it was trained on.
+    #[must_use]
+    pub fn learned<'a>(&'a self, set: &'a PreparedSet) -> &'a PreparedSet {
+        self.mirrored.as_ref().unwrap_or(set)
+    }
+
+    /// The model with everything it needs, given what it was trained with.
+    #[must_use]
+    pub fn bundle(&self, settings: &RunSettings, set: &PreparedSet) -> Bundle {
+        Bundle::new(&self.model, &settings.model, self.learned(set))
+    }
 }
 
 /// Trains a model in a folder, from its last checkpoint if it has one; `score` judges captions at every validation.
+///
+/// The set is the prepared one: mirror images, where the settings ask for them, are made here.
 ///
 /// # Errors
 /// [`TrainingError`] says what stopped the run; it can be resumed from its last checkpoint.
@@ -69,7 +87,9 @@ pub fn train(
 ) -> Result<Trained, TrainingError> {
     let plan = Plan::new(&settings.training, set);
     check(set, plan)?;
-    let mut run = Run::open(set, settings, plan, device, folder, score)?;
+    let mirrored = settings.training.mirror.then(|| set.with_mirror_images());
+    let learned = mirrored.as_ref().unwrap_or(set);
+    let mut run = Run::open(learned, settings, plan, device, folder, score)?;
     observe(Event::Started { plan, done: run.state.iteration });
     while run.state.iteration < plan.total() {
         if run.is_patience_over() {
@@ -78,7 +98,8 @@ pub fn train(
         }
         run.iterate(observe)?;
     }
-    run.finish()
+    let trained = run.finish()?;
+    Ok(Trained { mirrored, ..trained })
 }
 
 /// Says what the data lack for a plan.
@@ -296,7 +317,7 @@ impl<'a> Run<'a> {
         if iteration != done {
             model = load_weights(model, checkpoint::read_weights(&self.checkpoints, iteration)?)?;
         }
-        Ok(Trained { model, iteration, best: self.state.best, done })
+        Ok(Trained { model, iteration, best: self.state.best, done, mirrored: None })
     }
 
     fn not_finite(&self, what: String, iteration: usize, batch: &Batch) -> TrainingError {

@@ -75,6 +75,13 @@ pub struct TrainingSettings {
     pub checkpoint_every: usize,
     /// The model to keep at the end.
     pub keep: Keep,
+    /// Learn from the mirror image of every pair and non-paired sample too, with left and right exchanged in its words.
+    ///
+    /// An epoch is about twice as long then. Ranges are widened to hold the images; nothing held out has one. A caption with
+    /// a word whose image is not in the vocabulary has none. Default false.
+    ///
+    /// `Deviation:` the paper learns from what was recorded alone.
+    pub mirror: bool,
     /// Stop stage 2 after this many validations without a better one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub early_stop: Option<usize>,
@@ -98,6 +105,7 @@ impl Default for TrainingSettings {
             validate_every: 500,
             checkpoint_every: 500,
             keep: Keep::Best,
+            mirror: false,
             early_stop: None,
         }
     }

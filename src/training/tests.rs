@@ -5,7 +5,9 @@ use std::path::Path;
 use burn::tensor::Device;
 
 use super::*;
-use crate::features::{CaptionFeatures, MotionFeatures, Normalizer, Pair, PreparedSet, Root, Split};
+use crate::features::{
+    CaptionFeatures, MirrorCount, MotionFeatures, Normalizer, Pair, PreparedSet, Root, Split,
+};
 use crate::model::ModelSettings;
 use crate::model::tests::{motion, tiny, vocabulary};
 use crate::motion::NUM_CHANNELS;
@@ -79,6 +81,7 @@ fn facts(set: &PreparedSet) -> RunFacts {
         data: set.fingerprint.clone(),
         device: "cpu".to_owned(),
         parameters: Vec::new(),
+        mirrored: None,
     }
 }
 
@@ -86,6 +89,25 @@ fn run_in(path: &Path, settings: &RunSettings, begin: Begin) -> Result<Trained, 
     let set = four_pairs();
     let folder = RunFolder::open(path, settings, &facts(&set), begin)?;
     train(&set, settings, &Device::flex(), &folder, None, &mut |_| {})
+}
+
+#[test]
+fn mirror_images_are_learned_from_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut settings = settings(2, 2);
+    settings.training.mirror = true;
+    let trained = run_in(folder.path(), &settings, Begin::New).unwrap();
+    let set = four_pairs();
+    assert_eq!(trained.learned(&set).paired.len(), 8);
+    let facts = RunFacts { mirrored: Some(MirrorCount::of(&set)), ..facts(&set) };
+    let told = card(&settings, &set, &facts, &trained, None, "");
+    assert!(told.contains("mirror images of pairs, pairs without one | 4, 0 |"), "{told}");
+    let learned_from = trained.bundle(&settings, &set).config.learned_from.unwrap();
+    assert!(learned_from.has("motion0") && learned_from.has("motion0 (mirrored)"));
+
+    settings.training.mirror = false;
+    let error = run_in(folder.path(), &settings, Begin::Resume).unwrap_err().to_string();
+    assert!(error.contains("training.mirror"), "{error}");
 }
 
 #[test]

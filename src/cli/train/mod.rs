@@ -12,9 +12,9 @@ use self::display::{Display, told};
 use super::exit::{Exit, Failure, OrExit};
 use super::output;
 use crate::evaluation::{Bleu, Corpus, Segment};
-use crate::features::PreparedSet;
+use crate::features::{MirrorCount, PreparedSet};
 use crate::manifest::{VERSION, write_file};
-use crate::model::{self, Bundle, DeviceChoice, Rprae};
+use crate::model::{self, DeviceChoice, Rprae};
 use crate::training::{
     self, BUNDLE, Begin, Event, Line, METRICS_FILE, Plan, Preset, RunFacts, RunFolder, RunSettings, Trained,
     TrainingError, Validation, Written,
@@ -116,6 +116,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         data: set.fingerprint.clone(),
         device: selected.name.clone(),
         parameters: parameters.into_iter().map(|(part, count)| (part.to_owned(), count)).collect(),
+        mirrored: settings.training.mirror.then(|| MirrorCount::of(&set)),
     };
     drop(untrained);
     let begin = match (args.resume, args.overwrite) {
@@ -148,8 +149,8 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         Line::Validation(found) if found.iteration == trained.iteration => Some(found),
         _ => None,
     });
-    let model = Bundle::new(&trained.model, &settings.model, &set).with_starts(&set);
-    let scores = held_out::scores(&set, &model);
+    let model = trained.bundle(&settings, &set).with_starts(trained.learned(&set));
+    let scores = held_out::scores(&set.renormalized(&model.normalizer), &model);
     let card = training::card(&settings, &set, &facts, &trained, best.as_ref(), &scores);
     let bundle = args.out.join(BUNDLE);
     model.save(&bundle, &card).or_failed()?;
