@@ -5,6 +5,7 @@
 
 mod bundled;
 mod canaries;
+mod choose;
 mod curve;
 mod doctor;
 mod encoders;

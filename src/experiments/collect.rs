@@ -126,7 +126,7 @@ pub fn collect(
                 let cell = Cell { paired, role, non_paired, seed, fold };
                 observe(&cell);
                 let (bundle, set) = load_cell(grid, &cell, full, out, selected)?;
-                let outcome = score(&bundle, &judge, &set, &set.test, humanoid)
+                let outcome = score(&bundle, &judge, &set, &set.test, humanoid, &grid.decoding)
                     .map_err(|error| CollectError::Score { cell: cell.name(), error })?;
                 parts[place].push(outcome);
                 rows[place].num_pairs += share * set.paired.len() as f64;

@@ -5,6 +5,7 @@ use crate::features::{BOS, EOS, Normalizer};
 use crate::manifest::sha256_hex;
 use crate::model::{Bundle, weights};
 use crate::motion::NUM_CHANNELS;
+use crate::translation::Search;
 
 /// Sequences encoded or decoded at a time.
 pub(super) const BATCH: usize = 64;
@@ -113,7 +114,8 @@ pub(super) fn names_joined(names: &[&str]) -> String {
     }
 }
 
-/// Captions a model writes of motions, normalised as it has it; words with one space between.
+/// Captions a model writes of motions, normalised as it has it, always the most probable next word; words with one space
+/// between.
 pub(super) fn describe(bundle: &Bundle, motions: &[Vec<[f32; NUM_CHANNELS]>]) -> Vec<String> {
     let mut captions = Vec::new();
     for motions in motions.chunks(BATCH) {
@@ -123,6 +125,23 @@ pub(super) fn describe(bundle: &Bundle, motions: &[Vec<[f32; NUM_CHANNELS]>]) ->
         captions.extend(written.iter().map(|words| sentence(&bundle.vocabulary.words, words)));
     }
     captions
+}
+
+/// Captions a model writes of motions, normalised as it has it, looked for as `decoding` says; words with one space between.
+pub(super) fn describe_by(
+    bundle: &Bundle,
+    motions: &[Vec<[f32; NUM_CHANNELS]>],
+    decoding: &Search,
+) -> Vec<String> {
+    if decoding.is_greedy() {
+        return describe(bundle, motions);
+    }
+    let search = Search { n_best: 1, most_words: Some(bundle.config.longest_caption), ..*decoding };
+    let best = |motion: &Vec<[f32; NUM_CHANNELS]>| {
+        let latent = bundle.encode_motions(&[motion.as_slice()]);
+        search.sentences(bundle, &latent).into_iter().next().map_or_else(String::new, |best| best.text)
+    };
+    motions.iter().map(best).collect()
 }
 
 /// Words by number as a sentence, without the two marks.

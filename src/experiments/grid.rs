@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::amounts::Amount;
 use crate::manifest::{SettingsFile, SettingsFileError};
 use crate::training::{Preset, RunSettings, Schedule};
+use crate::translation::Search;
 
 /// A grid of models: some numbers of pairs, each with and without stage 1, and some numbers of non-paired samples.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -47,6 +48,9 @@ pub struct Grid {
     /// Folder of an encoder for the sentence cosine; the score is absent without it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sentence_encoder: Option<PathBuf>,
+    /// How captions are looked for when the models are scored. Default: always the most probable next word.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub decoding: Search,
     /// Settings of every run, as `rprae train --config` takes them; `prepared`, `seed` and the schedule are set here.
     #[serde(default)]
     pub run: toml::Table,
@@ -54,6 +58,10 @@ pub struct Grid {
 
 fn equal_updates() -> Schedule {
     Schedule::VanillaEqualUpdates
+}
+
+fn is_default(decoding: &Search) -> bool {
+    *decoding == Search::default()
 }
 
 fn thousand() -> usize {
@@ -142,6 +150,9 @@ impl Grid {
         }
         if !(100..=1_000_000).contains(&self.resamples) {
             return wrong("resamples", "is outside 100 to 1000000");
+        }
+        if let Err(error) = self.decoding.check() {
+            return wrong("decoding", &format!("is wrong: {error}"));
         }
         if self.vanilla == Schedule::TwoStage {
             return wrong("vanilla", "is two-stage, which has stage 1");
@@ -300,6 +311,7 @@ impl Cell {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::translation::Choose;
 
     pub(in crate::experiments) fn grid(text: &str) -> Grid {
         let base = "prepared = \"set\"\nseeds = [1, 2]\npaired = [100, 250, \"all\"]\n";
@@ -332,6 +344,14 @@ pub(super) mod tests {
         assert_eq!(settings.model.action_units, RunSettings::of(Preset::Compact).model.action_units);
         assert_eq!(settings.training.schedule, Schedule::VanillaEqualUpdates);
         assert_eq!(grid.settings(&last).unwrap().training.schedule, Schedule::TwoStage);
+        assert!(
+            !toml::to_string_pretty(&grid).unwrap().contains("decoding"),
+            "what is left out is the default"
+        );
+        let consensus =
+            Grid { decoding: Search { choose: Choose::Consensus, beam: 9, ..grid.decoding }, ..grid };
+        let again: Grid = toml::from_str(&toml::to_string_pretty(&consensus).unwrap()).unwrap();
+        assert_eq!(again, consensus);
     }
 
     #[test]
@@ -340,6 +360,8 @@ pub(super) mod tests {
         assert!(refused("[run]\nlatend = 3\n").contains("latend"));
         assert!(refused("[run]\nseed = 3\n").contains("seed"));
         assert!(refused("folds = 1\n").contains("folds"));
+        assert!(refused("[decoding]\nchoose = \"consensus\"\n").contains("decoding.beam"));
+        grid("[decoding]\nchoose = \"sampled-consensus\"\nbeam = 16\nseed = 3\n").check().unwrap();
         let refused_of = |seeds: &str, paired: &str, rest: &str| {
             let text = format!("prepared = \"set\"\nseeds = {seeds}\npaired = {paired}\n{rest}");
             toml::from_str::<Grid>(&text).unwrap().check().unwrap_err().to_string()

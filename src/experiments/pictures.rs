@@ -45,7 +45,7 @@ pub fn pictures(
     };
     // Latents of the model itself, not of the one that judges.
     let (bundle, set) = load_cell(grid, &cell(first), full, out, selected)?;
-    let found = score(&bundle, &Evaluator::new(&bundle), &set, &set.test, humanoid)
+    let found = score(&bundle, &Evaluator::new(&bundle), &set, &set.test, humanoid, &grid.decoding)
         .map_err(|error| CollectError::Score { cell: cell(first).name(), error })?;
     let points = |latents: &Embeddings| -> Vec<ScatterPoint> {
         let places = tsne(latents, PERPLEXITY);

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::Serialize;
 
 use super::baseline::{MOMENTS, most_frequent_caption, nearest_in_pose_space};
-use super::evaluator::{BATCH, Evaluator, EvaluatorError, describe};
+use super::evaluator::{BATCH, Evaluator, EvaluatorError, describe, describe_by};
 use super::poses::in_heading_frame;
 use crate::evaluation::motion::{
     Embeddings, PoseComparison, Poses, PosesError, Rank, Retrieval, SetScore, diversity, frechet_score,
@@ -16,6 +16,7 @@ use crate::features::{Pair, PreparedSet};
 use crate::humanoid::Humanoid;
 use crate::model::{Bundle, MotionLength};
 use crate::motion::NUM_CHANNELS;
+use crate::translation::Search;
 
 /// Why a model cannot be scored.
 #[derive(Debug, thiserror::Error)]
@@ -130,7 +131,8 @@ impl Outcome {
     }
 }
 
-/// Scores a model on some pairs of a set; `judge` embeds and reads back what it makes.
+/// Scores a model on some pairs of a set; `judge` embeds and reads back what it makes, and `decoding` says how the model
+/// finds the captions it writes.
 ///
 /// Motions begin where the model lets them begin and are as long as it predicts: nothing of the reference is given.
 ///
@@ -142,6 +144,7 @@ pub fn score(
     set: &PreparedSet,
     pairs: &[Pair],
     humanoid: &Humanoid,
+    decoding: &Search,
 ) -> Result<Outcome, ScoreError> {
     judge.check(bundle)?;
     if bundle.vocabulary.words != set.vocabulary.words {
@@ -156,7 +159,7 @@ pub fn score(
         return Err(ScoreError::TooShort { id: set.motions[motion].id.clone() });
     }
     let poses = recorded_poses(set, pairs, humanoid)?;
-    let described = describe_all(bundle, set, &asked, &poses);
+    let described = describe_all(bundle, set, &asked, &poses, decoding);
     let captions: Vec<&[u32]> =
         pairs.iter().map(|pair| set.captions[pair.caption].words.as_slice()).collect();
     let made = perform(bundle, set, &captions);
@@ -300,12 +303,13 @@ fn describe_all(
     set: &PreparedSet,
     motions: &[usize],
     poses: &BTreeMap<usize, Poses>,
+    decoding: &Search,
 ) -> Vec<Described> {
     let frames: Vec<Vec<[f32; NUM_CHANNELS]>> =
         motions.iter().map(|&motion| set.motions[motion].frames.clone()).collect();
     // A bundle may have been trained on another set with the same words.
     let frames = Evaluator { bundle, name: String::new() }.renormalized(&frames, &set.normalizer);
-    let captions = describe(bundle, &frames);
+    let captions = describe_by(bundle, &frames, decoding);
     let nearest = nearest_in_pose_space(set, poses, motions);
     let rows = motions.iter().zip(captions.into_iter().zip(nearest));
     rows.map(|(&motion, (caption, nearest))| Described {
@@ -346,7 +350,8 @@ pub(super) mod tests {
     pub(in crate::experiments) fn outcome() -> Outcome {
         let set = four_pairs();
         let bundle = Bundle::new(&Rprae::new(&tiny(), &set.vocabulary, 1, &Device::flex()), &tiny(), &set);
-        score(&bundle, &Evaluator::new(&bundle), &set, &set.paired, &humanoid().unwrap()).unwrap()
+        score(&bundle, &Evaluator::new(&bundle), &set, &set.paired, &humanoid().unwrap(), &Search::default())
+            .unwrap()
     }
 
     #[test]
@@ -382,13 +387,15 @@ pub(super) mod tests {
             set.captions.push(caption);
         }
         let humanoid = humanoid().unwrap();
-        let many = score(&bundle, &Evaluator::new(&bundle), &set, &set.paired, &humanoid).unwrap();
+        let many = score(&bundle, &Evaluator::new(&bundle), &set, &set.paired, &humanoid, &Search::default())
+            .unwrap();
         let once = outcome();
         assert_eq!((many.performed.len(), many.described.len(), many.clusters.len()), (7, 4, 4));
         assert_eq!(many.num_unseen_captions, 0, "they are the ones learned from");
         let mut apart = set.clone();
         let test = apart.paired.split_off(2);
-        let apart = score(&bundle, &Evaluator::new(&bundle), &apart, &test, &humanoid).unwrap();
+        let apart =
+            score(&bundle, &Evaluator::new(&bundle), &apart, &test, &humanoid, &Search::default()).unwrap();
         // Of the five, the first motion's copy of the second caption was learned from.
         assert_eq!(apart.num_unseen_captions, 4);
         let recorded = |found: &Outcome| (found.sets[2].value, found.sets[2].signature.clone());
@@ -406,7 +413,9 @@ pub(super) mod tests {
         let bundle = Bundle::new(&Rprae::new(&tiny(), &set.vocabulary, 1, &Device::flex()), &tiny(), &set);
         set.motions[2].frames.truncate(1);
         let humanoid = humanoid().unwrap();
-        let scored = |pairs: &[Pair]| score(&bundle, &Evaluator::new(&bundle), &set, pairs, &humanoid);
+        let scored = |pairs: &[Pair]| {
+            score(&bundle, &Evaluator::new(&bundle), &set, pairs, &humanoid, &Search::default())
+        };
         let error = scored(&set.paired).unwrap_err().to_string();
         assert!(error.contains(&set.motions[2].id) && error.contains("single frame"), "{error}");
         // Beside the ones that are scored, it may well be.
@@ -423,12 +432,16 @@ pub(super) mod tests {
         other.vocabulary.words[2] = "else".to_owned();
         let (ours, theirs) = (bundle(&set), bundle(&other));
         let humanoid = humanoid().unwrap();
-        let error = score(&ours, &Evaluator::new(&theirs), &set, &set.paired, &humanoid).unwrap_err();
+        let error = score(&ours, &Evaluator::new(&theirs), &set, &set.paired, &humanoid, &Search::default())
+            .unwrap_err();
         assert!(matches!(error, ScoreError::Evaluator(EvaluatorError::OtherWords)), "{error}");
-        let error = score(&ours, &Evaluator::new(&ours), &other, &set.paired, &humanoid).unwrap_err();
+        let error = score(&ours, &Evaluator::new(&ours), &other, &set.paired, &humanoid, &Search::default())
+            .unwrap_err();
         assert!(matches!(error, ScoreError::OtherWords), "{error}");
         let slower = PreparedSet { rate_hz: 0.5 * set.rate_hz, ..set.clone() };
-        let error = score(&ours, &Evaluator::new(&ours), &slower, &slower.paired, &humanoid).unwrap_err();
+        let error =
+            score(&ours, &Evaluator::new(&ours), &slower, &slower.paired, &humanoid, &Search::default())
+                .unwrap_err();
         assert!(matches!(error, ScoreError::OtherMotions), "{error}");
     }
 }

@@ -81,11 +81,16 @@ impl Writer<'_> {
                 grid.folds
             )
         };
+        let decoding = if grid.decoding.is_greedy() {
+            String::new()
+        } else {
+            format!("Captions of motions are {}.\n", grid.decoding.text())
+        };
         format!(
             "# Tables\n\nScored: {motions} motions and their {captions} captions ({how}), {} seeds. Of these captions \
              {unseen} are sentences that no pair of the\nreference has; the others people said of other motions too. Read back and \
              embedded by the reference model\n(all pairs, no stage 1) of the same seed and part. The foot says what \
-             intervals and signs mean.\n",
+             intervals and signs mean.\n{decoding}",
             grid.seeds.len(),
         )
     }

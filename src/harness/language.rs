@@ -18,13 +18,14 @@ use crate::model::BUNDLE_FILES;
 use crate::motion::{Motion, bounds};
 use crate::report::MetricRecord;
 use crate::simulation::Level;
-use crate::translation::{DEFAULT_NOISE, DEFAULT_SETTLE_SECS, Search, TranslationError, Translator};
+use crate::translation::{Choose, DEFAULT_NOISE, DEFAULT_SETTLE_SECS, Search, TranslationError, Translator};
 
 /// Most motions of one sentence.
 const MAX_N_BEST: usize = 1000;
 
 /// How motions are read back.
-const READ_BACK: Search = Search { beam: 5, n_best: 1, length_exponent: 0.7, most_words: None };
+const READ_BACK: Search =
+    Search { choose: Choose::Probable, beam: 5, n_best: 1, length_exponent: 0.7, seed: 0, most_words: None };
 
 /// Sentence BLEU-4 over lower-case words and those marks that the model has words for; an order without a match counts a tenth of one.
 const SENTENCE_BLEU: Bleu = Bleu { smoothing: Smoothing::NltkEpsilon(0.1), ..Bleu::PAPER };

@@ -7,18 +7,20 @@
 //!
 //! ```text
 //!  sentence --> Reading (words; unknown ones by vector or spelling) --> latent --> frames --> Motion
-//!  Motion --> the bundle's rate, normalised --> latent --> beam search --> sentences
+//!  Motion --> the bundle's rate, normalised --> latent --> beam search or draws --> sentences
 //! ```
 
+mod consensus;
 mod performance;
 mod reading;
+mod sampling;
 mod search;
 mod spline;
 mod variation;
 
 pub use performance::performed_motion;
 pub use reading::{Note, Reading, Substitute};
-pub use search::{Search, Sentence};
+pub use search::{Choose, Search, Sentence};
 pub use spline::upsampled;
 pub use variation::DEFAULT_NOISE;
 

@@ -3,35 +3,64 @@
 use std::cmp::Ordering;
 
 use burn::tensor::Tensor;
+use serde::{Deserialize, Serialize};
 
+use super::{consensus, sampling};
 use crate::features::{BOS, EOS};
-use crate::model::Bundle;
+use crate::model::{Bundle, InvalidSetting};
+
+/// Widest beam, and most sentences drawn.
+const MAX_BEAM: usize = 1000;
+
+/// Which of the sentences that were found is the best.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Choose {
+    /// The most probable of a beam, by [`Search::length_exponent`].
+    #[default]
+    Probable,
+    /// Of a beam the one most similar to all of them, weighted by their probabilities; sentences that were cut are left out,
+    /// unless all were.
+    ///
+    /// The decision of minimum Bayes risk (Kumar and Byrne 2004); the similarity is BLEU-4 of single sentences, smoothed as
+    /// by Lin and Och (2004). `Deviation:` the paper takes the most probable words.
+    Consensus,
+    /// Of sentences drawn word by word from the model the one most similar to all of them (Eikema and Aziz 2020).
+    SampledConsensus,
+}
 
 /// How sentences are looked for.
 ///
 /// Beam search: of all continuations of the sentences at hand by one word, the `beam` most probable go on; a sentence is
 /// finished when its end is among them, and the search when `beam` are. A beam of 1 is greedy search.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct Search {
-    /// Sentences followed side by side; at least 1. Default 1.
+    /// Which sentence is the best. Default: the most probable.
+    pub choose: Choose,
+    /// Sentences followed side by side, or drawn; at least 1. Default 1.
     pub beam: usize,
     /// Sentences wanted; the beam is at least this wide. Default 1.
+    #[serde(skip)]
     pub n_best: usize,
     /// Exponent of the length normalisation: sentences are ranked by `log p / n^a`, with `n` words, the end included.
     /// 0 ranks by probability alone, which favours short sentences; larger values favour longer ones. Default 0.7.
     pub length_exponent: f64,
+    /// Seed of what is drawn. Default 0.
+    pub seed: u64,
     /// Most words; `None` takes twice as many as the longest caption of the training has.
+    #[serde(skip)]
     pub most_words: Option<usize>,
 }
 
 impl Default for Search {
     fn default() -> Self {
-        Self { beam: 1, n_best: 1, length_exponent: 0.7, most_words: None }
+        Self { choose: Choose::Probable, beam: 1, n_best: 1, length_exponent: 0.7, seed: 0, most_words: None }
     }
 }
 
 /// A sentence with what the model thinks of it.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Sentence {
     /// The words with spaces between them.
     pub text: String,
@@ -40,16 +69,16 @@ pub struct Sentence {
     pub words: Vec<u32>,
     /// Natural logarithm of its probability, the end included.
     pub log_probability: f64,
-    /// What it is ranked by; see [`Search::length_exponent`].
+    /// What it is ranked by; see [`Search::length_exponent`], and for a consensus the expected similarity, 0 to 1.
     pub score: f64,
     /// Whether it came to its end; otherwise it was cut at the most words.
     pub has_ended: bool,
 }
 
 /// A sentence that goes on.
-struct Open {
-    words: Vec<u32>,
-    log_probability: f64,
+pub(super) struct Open {
+    pub(super) words: Vec<u32>,
+    pub(super) log_probability: f64,
 }
 
 /// One more word for one of the open sentences.
@@ -72,10 +101,86 @@ impl Candidate {
 }
 
 impl Search {
-    /// The best sentences of a latent `[1, latent]`, best first, no two alike.
-    pub(super) fn sentences(&self, bundle: &Bundle, latent: &Tensor<2>) -> Vec<Sentence> {
+    /// Whether this is the most probable next word every time, and nothing else.
+    #[must_use]
+    pub fn is_greedy(&self) -> bool {
+        self.choose == Choose::Probable && self.beam.max(self.n_best) <= 1
+    }
+
+    /// For a person: what a sentence is, without its first capital.
+    #[must_use]
+    pub fn text(&self) -> String {
+        let Self { choose, beam, length_exponent, seed, .. } = self;
+        match choose {
+            Choose::Probable if self.is_greedy() => "the most probable next word every time".to_owned(),
+            Choose::Probable => {
+                format!("the most probable of a beam of {beam}, by log p / words^{length_exponent}")
+            }
+            Choose::Consensus => format!("the consensus of a beam of {beam}"),
+            Choose::SampledConsensus => format!("the consensus of {beam} that were drawn, seed {seed}"),
+        }
+    }
+
+    /// Checks every setting.
+    ///
+    /// # Errors
+    /// [`InvalidSetting`] names the first one outside its range.
+    pub fn check(&self) -> Result<(), InvalidSetting> {
+        let least = if self.choose == Choose::Probable { 1 } else { 2 };
+        InvalidSetting::unless((least..=MAX_BEAM).contains(&self.beam), "decoding.beam", self.beam, || {
+            format!("{least} to {MAX_BEAM}")
+        })?;
+        let (exponent, seed) = (self.length_exponent, self.seed);
+        InvalidSetting::unless(
+            (0.0..=5.0).contains(&exponent),
+            "decoding.length_exponent",
+            exponent,
+            || "0 to 5".to_owned(),
+        )?;
+        InvalidSetting::unless(i64::try_from(seed).is_ok(), "decoding.seed", seed, || {
+            "at most 2^63 - 1".to_owned()
+        })
+    }
+
+    /// The best sentences of a latent `[1, latent]`, best first, no two alike; at least one.
+    #[must_use]
+    pub fn sentences(&self, bundle: &Bundle, latent: &Tensor<2>) -> Vec<Sentence> {
+        let mut sentences = match self.choose {
+            Choose::Probable => self.beam_search(bundle, latent),
+            Choose::Consensus => {
+                let mut found = self.beam_search(bundle, latent);
+                // What was cut lacks the price of its end, so its probability is none of a sentence.
+                if found.iter().any(|sentence| sentence.has_ended) {
+                    found.retain(|sentence| sentence.has_ended);
+                }
+                let most = found.iter().map(|it| it.log_probability).fold(f64::NEG_INFINITY, f64::max);
+                let weights: Vec<f64> = found.iter().map(|it| (it.log_probability - most).exp()).collect();
+                consensus::rank(&mut found, &weights);
+                found
+            }
+            Choose::SampledConsensus => {
+                let (most_words, count) = (self.longest(bundle), self.beam.max(self.n_best).max(1));
+                let drawn = sampling::draw(bundle, latent, count, most_words, self.seed);
+                let (mut sentences, weights): (Vec<Sentence>, Vec<f64>) = drawn
+                    .into_iter()
+                    .map(|drawn| (self.sentence(bundle, drawn.sentence, drawn.has_ended), drawn.times as f64))
+                    .unzip();
+                consensus::rank(&mut sentences, &weights);
+                sentences
+            }
+        };
+        sentences.truncate(self.n_best.max(1));
+        sentences
+    }
+
+    fn longest(&self, bundle: &Bundle) -> usize {
+        self.most_words.unwrap_or(2 * bundle.config.longest_caption).max(1)
+    }
+
+    /// All sentences of a beam, the most probable first.
+    fn beam_search(&self, bundle: &Bundle, latent: &Tensor<2>) -> Vec<Sentence> {
         let beam = self.beam.max(self.n_best).max(1);
-        let most_words = self.most_words.unwrap_or(2 * bundle.config.longest_caption).max(1);
+        let most_words = self.longest(bundle);
         let mut open = vec![Open { words: Vec::new(), log_probability: 0.0 }];
         let mut finished: Vec<Open> = Vec::new();
         let mut writing = bundle.write(latent);
@@ -130,7 +235,6 @@ impl Search {
                 .then_with(|| b.score.total_cmp(&a.score))
                 .then_with(|| a.words.cmp(&b.words))
         });
-        sentences.truncate(self.n_best.max(1));
         sentences
     }
 

@@ -84,7 +84,8 @@ fn a_wide_beam_finds_the_best_of_all_short_sentences() {
     let translator = translator(5);
     let latent = &latents(&translator)[0];
     // Every sentence of up to two words, one after the other.
-    let all = Search { beam: 100, n_best: 50, length_exponent: 0.0, most_words: Some(3) };
+    let all =
+        Search { beam: 100, n_best: 50, length_exponent: 0.0, most_words: Some(3), ..Search::default() };
     let found: Vec<Sentence> =
         search(&translator, latent, &all).into_iter().filter(|sentence| sentence.has_ended).collect();
     let best = &found[0];
@@ -156,6 +157,42 @@ fn a_motion_means_the_same_at_any_rate() {
         assert!((a - b).abs() < 1e-5, "{a} is not {b}");
     }
     assert_eq!(coarse.sentences[0].words, fine.sentences[0].words);
+}
+
+#[test]
+fn a_consensus_is_of_whole_sentences_and_says_how_much_they_agree() {
+    let translator = translator(3);
+    for choose in [Choose::Consensus, Choose::SampledConsensus] {
+        let wide = Search { choose, beam: 12, n_best: 4, most_words: Some(6), seed: 5, ..Search::default() };
+        for latent in latents(&translator) {
+            let found = search(&translator, &latent, &wide);
+            assert!((1..=4).contains(&found.len()));
+            assert_eq!(found, search(&translator, &latent, &wide), "equal seeds, equal sentences");
+            for (place, sentence) in found.iter().enumerate() {
+                assert!(sentence.score > 0.0 && sentence.score <= 1.0 + 1e-12, "{sentence:?}");
+                let before = place.checked_sub(1).map(|before| &found[before]);
+                assert!(before.is_none_or(|it| it.score >= sentence.score && it.words != sentence.words));
+                assert_eq!(sentence.has_ended, found[0].has_ended);
+            }
+        }
+    }
+    let draw = |seed| {
+        let drawn =
+            Search { choose: Choose::SampledConsensus, beam: 40, n_best: 40, seed, ..Search::default() };
+        search(&translator, &latents(&translator)[0], &drawn)
+    };
+    assert_ne!(draw(1), draw(2));
+    // A beam knows the probability of what was drawn.
+    let all = Search { beam: 100, n_best: 100, most_words: Some(3), ..Search::default() };
+    let beam = search(&translator, &latents(&translator)[0], &all);
+    let mut compared = 0;
+    for drawn in draw(1) {
+        for same in beam.iter().filter(|it| it.has_ended && it.words == drawn.words) {
+            assert!((same.log_probability - drawn.log_probability).abs() < 1e-4);
+            compared += 1;
+        }
+    }
+    assert!(compared > 0);
 }
 
 #[test]

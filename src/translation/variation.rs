@@ -38,16 +38,20 @@ pub(super) fn vary(latent: &[f32], spread: &[f32], number: u64, noise: f64, seed
     if number == 0 {
         return latent.to_vec();
     }
-    // Other sentences get other noise, so that what is said over sentences is said over independent draws.
-    let place = latent.iter().fold(0xcbf2_9ce4_8422_2325, |hash, value| {
-        (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3)
-    });
-    let mut draws = Draws::new(seed ^ place, "latent", number);
+    let mut draws = Draws::new(own_seed(seed, latent), "latent", number);
     latent
         .iter()
         .zip(spread)
         .map(|(&value, &width)| value + (noise * f64::from(width) * gaussian(&mut draws)) as f32)
         .collect()
+}
+
+/// A seed of its own for each latent, so that what is said over latents is said over independent draws.
+pub(super) fn own_seed(seed: u64, latent: &[f32]) -> u64 {
+    let place = latent.iter().fold(0xcbf2_9ce4_8422_2325, |hash, value| {
+        (hash ^ u64::from(value.to_bits())).wrapping_mul(0x0100_0000_01b3)
+    });
+    seed ^ place
 }
 
 /// A draw from the standard normal distribution (Box and Muller 1958).

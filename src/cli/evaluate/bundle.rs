@@ -15,6 +15,7 @@ use crate::features::PreparedSet;
 use crate::manifest::{VERSION, write_file};
 use crate::model::{self, Bundle};
 use crate::report::{Align, Column, Interval, Table};
+use crate::translation::Search;
 
 #[derive(Debug, Serialize)]
 struct Record<'a> {
@@ -24,6 +25,8 @@ struct Record<'a> {
     data: &'a str,
     /// Whether the motions were kept from the model.
     held_out: HeldOut,
+    /// How the captions were looked for.
+    decoding: Search,
     /// What references are.
     references: &'static str,
     num_motions: usize,
@@ -65,6 +68,13 @@ pub(super) fn run(
     prepared: &Path,
     panel: &Panel<'_>,
 ) -> Result<Exit, Failure> {
+    let decoding = args.choose.map_or_else(Search::default, |choose| Search {
+        choose: choose.into(),
+        beam: usize::from(args.beam.unwrap_or(choose.default_beam())),
+        seed: args.seed,
+        ..Search::default()
+    });
+    decoding.check().or_usage()?;
     let set = PreparedSet::load(prepared).or_usage()?;
     let device = model::cpu().device;
     let bundle = Bundle::load(folder, &device).or_usage()?;
@@ -91,7 +101,7 @@ pub(super) fn run(
     }
     let out = report::folder(args.out.as_deref(), args.overwrite, Path::new("model")).or_usage()?;
     let humanoid = experiments::humanoid().or_failed()?;
-    let found = experiments::score(&bundle, &judge, &set, pairs, &humanoid).or_usage()?;
+    let found = experiments::score(&bundle, &judge, &set, pairs, &humanoid, &decoding).or_usage()?;
     let resampling = Resampling { num_resamples: args.resamples as usize, seed: args.seed };
     let captions = captions(&found, panel, resampling).or_failed()?;
     let motions = motions(&found, resampling);
@@ -101,6 +111,7 @@ pub(super) fn run(
         judge: &judge.name,
         data: &set.fingerprint,
         held_out,
+        decoding,
         references: REFERENCES,
         num_motions: found.described.len(),
         num_captions: found.performed.len(),
@@ -193,7 +204,7 @@ impl Record<'_> {
     fn text(&self, out: &Path, width: usize) -> String {
         let mut text = format!(
             "{} motions, {} captions, {} of them sentences that no pair learned from has; judged by {}; 95 % intervals from {} resamples of motions with all their captions, \
-             seed {}\nheld out: {}\nreferences: {}\n\nCaptions of motions\n",
+             seed {}\nheld out: {}\nreferences: {}\ncaptions: {}\n\nCaptions of motions\n",
             self.num_motions,
             self.num_captions,
             self.num_unseen_captions,
@@ -201,7 +212,8 @@ impl Record<'_> {
             self.num_resamples,
             self.seed,
             self.held_out.text(),
-            self.references
+            self.references,
+            self.decoding.text()
         );
         let mut columns = vec![
             column("score", Align::Left, &self.captions, |score| score.key.clone()),

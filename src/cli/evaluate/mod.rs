@@ -10,6 +10,7 @@ use anyhow::Context;
 use clap::{Args, ValueEnum};
 
 use self::report::{Report, ScoreRecord};
+use super::choose::Choose;
 use super::exit::{Exit, Failure, OrExit};
 use super::output;
 use crate::evaluation::encoder::{Encoder, KNOWN_ENCODERS, Pooling, parse_baseline};
@@ -40,6 +41,12 @@ pub(super) struct EvaluateArgs {
     /// Another trained model that embeds and reads back what the model makes [default: the model itself]
     #[arg(long, value_name = "DIR", requires = "bundle")]
     pub judge: Option<PathBuf>,
+    /// Which of the captions it finds is scored [default: that of the most probable next words]
+    #[arg(long, value_enum, requires = "bundle")]
+    pub choose: Option<Choose>,
+    /// Captions followed side by side, or drawn [default: 5, and 32 for a consensus]
+    #[arg(long, value_name = "N", requires = "choose", value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub beam: Option<u16>,
     /// Folder of the encoder for BERTScore
     #[arg(long, value_name = "DIR")]
     pub encoder: Option<PathBuf>,
@@ -58,7 +65,7 @@ pub(super) struct EvaluateArgs {
     /// How a sentence becomes one vector [default: pooler where the model has one, else cls]
     #[arg(long, value_name = "HOW", requires = "sentence_encoder")]
     pub pooling: Option<PoolingArg>,
-    /// Seed of the resampling
+    /// Seed of the resampling, and of captions drawn
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub seed: u64,
     /// Draws for intervals and p-values

@@ -18,6 +18,7 @@ use self::act::{ActedRecord, Actor};
 use self::describe::DescribedRecord;
 use self::vectors::Vectors;
 use self::write::Target;
+use super::choose::Choose;
 use super::exit::{Exit, Failure, OrExit};
 use super::progress::Steps;
 use super::train::Device;
@@ -26,8 +27,6 @@ use crate::dataset::{CaptionFile, Dataset, OpenOptions};
 use crate::motion::{Body, bounds};
 use crate::translation::{Acting, DEFAULT_NOISE, DEFAULT_SETTLE_SECS, Search, Translator};
 
-/// Sentences followed side by side.
-const DEFAULT_BEAM: u16 = 5;
 /// Exponent of the length normalisation.
 const DEFAULT_LENGTH_NORM: f64 = 0.7;
 /// Rate of the motions written, hertz.
@@ -66,7 +65,10 @@ pub(super) struct TranslateArgs {
     /// Motions of the sentence, the first as it says and the others varied, or sentences about a motion, best first
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub n_best: u16,
-    /// Sentences followed side by side; 1 is greedy [default: 5]
+    /// Which of the sentences found about a motion is the best [default: probable]
+    #[arg(long, value_enum)]
+    pub choose: Option<Choose>,
+    /// Sentences followed side by side, or drawn; 1 is greedy [default: 5, and 32 for a consensus]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1000))]
     pub beam: Option<u16>,
     /// Sentences are ranked by log p / words^A: 0 favours short ones, 1 long ones [default: 0.7]
@@ -94,7 +96,7 @@ pub(super) struct TranslateArgs {
     /// Noise on the latent from the second motion of --n-best on, as a share of its spread over the vocabulary [default: 0.5]
     #[arg(long, value_name = "SHARE")]
     pub noise: Option<f64>,
-    /// Seed of that noise [default: 0]
+    /// Seed of that noise, and of sentences drawn [default: 0]
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
     /// Frames a second of the motions written and performed; more than the model's follow a smooth curve [default: 100]
@@ -149,9 +151,11 @@ pub(super) fn run(args: &TranslateArgs) -> Result<Exit, Failure> {
             body: Body::with_default_mass(args.height),
         },
         search: Search {
-            beam: usize::from(args.beam.unwrap_or(DEFAULT_BEAM)),
+            choose: args.choose().into(),
+            beam: usize::from(args.beam.unwrap_or(args.choose().default_beam())),
             n_best: usize::from(args.n_best),
             length_exponent: args.length_norm(),
+            seed: args.seed.unwrap_or(0),
             most_words: None,
         },
         vectors: args.vectors.as_deref().map(|path| Vectors::new(path, args.quiet)),
@@ -173,6 +177,9 @@ fn check(args: &TranslateArgs) -> anyhow::Result<()> {
         }
     };
     within("length-norm", args.length_norm(), 0.0, 5.0)?;
+    if args.choose() != Choose::Probable && args.beam == Some(1) {
+        return Err(anyhow!("use --beam 1: a consensus is of two sentences at least"));
+    }
     within("noise", args.noise(), 0.0, 100.0)?;
     within("settle", args.settle(), 0.0, 10.0)?;
     within("height", args.height, *bounds::HEIGHT_M.start(), *bounds::HEIGHT_M.end())?;
@@ -181,6 +188,10 @@ fn check(args: &TranslateArgs) -> anyhow::Result<()> {
 }
 
 impl TranslateArgs {
+    fn choose(&self) -> Choose {
+        self.choose.unwrap_or(Choose::Probable)
+    }
+
     fn length_norm(&self) -> f64 {
         self.length_norm.unwrap_or(DEFAULT_LENGTH_NORM)
     }

@@ -2,13 +2,17 @@
 
 use anyhow::bail;
 
-use super::TranslateArgs;
 use super::write::is_recording;
+use super::{Choose, TranslateArgs};
 
 /// Refuses the first option that has no effect on what is asked for.
 pub(super) fn check(args: &TranslateArgs) -> anyhow::Result<()> {
     let describes = args.motions.is_some();
     let makes = args.has_sentence() || args.captions.is_some();
+    let draws = args.choose() == Choose::SampledConsensus;
+    if args.length_norm.is_some() && args.choose() != Choose::Probable {
+        bail!("use --length-norm: it is of the most probable sentence, and --choose asks for a consensus");
+    }
     if describes {
         let of_made = [
             ("--length", args.length.is_some()),
@@ -18,7 +22,7 @@ pub(super) fn check(args: &TranslateArgs) -> anyhow::Result<()> {
             ("--perform", args.perform),
             ("--vectors", args.vectors.is_some()),
             ("--noise", args.noise.is_some()),
-            ("--seed", args.seed.is_some()),
+            ("--seed", args.seed.is_some() && !draws),
             ("--out-rate", args.out_rate.is_some()),
         ];
         if let Some((flag, _)) = of_made.into_iter().find(|(_, is_given)| *is_given) {
@@ -27,7 +31,7 @@ pub(super) fn check(args: &TranslateArgs) -> anyhow::Result<()> {
         return Ok(());
     }
     let performs = args.perform || args.out.iter().any(|path| is_recording(path));
-    let varied = args.noise.is_some() || args.seed.is_some();
+    let varied = args.noise.is_some() || args.seed.is_some() && !draws;
     if varied && args.n_best == 1 {
         let flag = if args.noise.is_some() { "--noise" } else { "--seed" };
         bail!("use {flag}: it acts from the second motion of a sentence on; ask for several with --n-best N");
@@ -36,9 +40,13 @@ pub(super) fn check(args: &TranslateArgs) -> anyhow::Result<()> {
         // Lines may be sentences or motions.
         return Ok(());
     }
-    let searched = args.beam.is_some() || args.length_norm.is_some();
-    if searched && !args.round_trip && !performs {
-        let flag = if args.beam.is_some() { "--beam" } else { "--length-norm" };
+    let of_search = [
+        ("--choose", args.choose.is_some()),
+        ("--beam", args.beam.is_some()),
+        ("--length-norm", args.length_norm.is_some()),
+    ];
+    let searched = of_search.into_iter().find(|(_, is_given)| *is_given);
+    if let Some((flag, _)) = searched.filter(|_| !args.round_trip && !performs) {
         bail!("use {flag}: no sentence is looked for; --round-trip or --perform reads motions back");
     }
     if args.rate.is_some() && args.length_of.is_none() {
@@ -63,13 +71,18 @@ mod tests {
     #[test]
     fn options_without_effect_are_named() {
         type Change = fn(&mut TranslateArgs);
-        let bad: [(&str, Change); 8] = [
+        let bad: [(&str, Change); 11] = [
             ("--perform", |args| (args.motions, args.perform) = (Some("a".into()), true)),
             ("--round-trip", |args| (args.motions, args.round_trip) = (Some("a".into()), true)),
             ("--length", |args| (args.motions, args.length) = (Some("a".into()), Some(2.0))),
             ("--vectors", |args| (args.motions, args.vectors) = (Some("a".into()), Some("v".into()))),
             ("--noise", |args| (args.sentence, args.noise) = (Some("walk".to_owned()), Some(0.5))),
             ("--beam", |args| (args.captions, args.beam) = (Some("a.txt".into()), Some(3))),
+            ("--choose", |args| {
+                (args.captions, args.choose) = (Some("a.txt".into()), Some(Choose::Consensus));
+            }),
+            ("--length-norm", |args| (args.choose, args.length_norm) = (Some(Choose::Consensus), Some(0.5))),
+            ("--seed", |args| (args.motions, args.seed) = (Some("a".into()), Some(1))),
             ("--rate", |args| (args.sentence, args.rate) = (Some("walk".to_owned()), Some(20.0))),
             ("--out-rate", |args| (args.sentence, args.out_rate) = (Some("walk".to_owned()), Some(50.0))),
         ];
@@ -83,6 +96,10 @@ mod tests {
     fn options_with_effect_pass() {
         let passes = |change: fn(&mut TranslateArgs)| assert_eq!(refused(change), None);
         passes(|args| (args.motions, args.beam, args.n_best) = (Some("a".into()), Some(3), 4));
+        passes(|args| {
+            (args.motions, args.seed) = (Some("a".into()), Some(1));
+            args.choose = Some(Choose::SampledConsensus);
+        });
         passes(|args| (args.sentence, args.seed, args.n_best) = (Some("walk".to_owned()), Some(7), 2));
         passes(|args| {
             (args.sentence, args.beam) = (Some("walk".to_owned()), Some(1));
