@@ -9,6 +9,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use rayon::prelude::*;
+
 use super::measurement::Measurement;
 use super::signature::Signature;
 
@@ -99,7 +101,7 @@ impl BertScore {
     pub fn measure(&self, segments: &[EmbeddedSegment<'_>]) -> [Measurement; 3] {
         let weights = self.idf.then(|| Idf::new(segments));
         let values: Vec<[f64; 3]> = segments
-            .iter()
+            .par_iter()
             .map(|segment| {
                 let mut best = [f64::NEG_INFINITY; 3];
                 for reference in &segment.references {

@@ -68,7 +68,7 @@ pub enum EncoderError {
     /// The computation itself failed.
     #[error("run the encoder: {reason}")]
     Compute {
-        /// What the backend says.
+        /// What is wrong.
         reason: String,
     },
 }

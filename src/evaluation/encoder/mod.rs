@@ -4,7 +4,7 @@
 //! `merges.txt`. Nothing is ever downloaded.
 //! Out: vectors of tokens after any layer, for [`BertScore`](super::BertScore), or of sentences, for
 //! [`SentenceCosine`](super::SentenceCosine), and the checksum that names the model in signatures.
-//! Sentences of equal length share a batch, so there is no padding and nothing of a batch shows in its results.
+//! Nothing is padded and nothing of a batch shows in its results: a sentence has the same bits in any company.
 //! Each sentence is computed once in the life of an encoder.
 
 mod config;
@@ -19,11 +19,10 @@ pub use config::{EncoderConfig, Family};
 pub use error::EncoderError;
 pub use known::{KNOWN_ENCODERS, KnownEncoder, parse_baseline};
 
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use burn::tensor::Tensor;
 use rayon::prelude::*;
 
 use self::files::checksum;
@@ -32,8 +31,9 @@ use self::transformer::Transformer;
 use self::weights::Weights;
 use super::bert_score::EmbeddedTokens;
 
-/// Tokens in a batch: enough rows for matrix products to run at full rate, few enough to stay in the cache.
-const BATCH_TOKENS: usize = 512;
+/// The most tokens in a batch, unless a sentence has more: enough rows for matrix products to run at full rate, few enough
+/// to stay in the cache and to keep all threads busy to the end.
+const BATCH_TOKENS: usize = 252;
 
 /// How a sentence becomes one vector.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -196,18 +196,8 @@ impl Encoder {
         sentences: &[&str],
         prefix_space: bool,
     ) -> Result<Vec<Arc<EmbeddedTokens>>, EncoderError> {
-        self.cached(&self.known_tokens, sentences, prefix_space, prefix_space, |batch, hidden| {
-            let [_, length, width] = hidden.dims();
-            let numbers = numbers(hidden)?;
-            let vectors = numbers.chunks_exact(length * width);
-            batch
-                .iter()
-                .zip(vectors)
-                .map(|(ids, vectors)| {
-                    EmbeddedTokens::new(ids.to_vec(), vectors.to_vec())
-                        .ok_or_else(|| EncoderError::Compute { reason: "it gave no vectors".to_owned() })
-                })
-                .collect()
+        self.cached(&self.known_tokens, sentences, prefix_space, prefix_space, |ids, vectors| {
+            EmbeddedTokens::new(ids.to_vec(), vectors.to_vec()).ok_or_else(|| failed("it gave no vectors"))
         })
     }
 
@@ -223,31 +213,29 @@ impl Encoder {
         if pooling == Pooling::Pooler && !self.has_pooler() {
             return Err(EncoderError::NoPooler { path: self.folder.join("model.safetensors") });
         }
-        self.cached(&self.known_sentences, sentences, pooling, false, |_, hidden| {
-            let [num_sentences, _, width] = hidden.dims();
-            let start = |hidden: Tensor<3>| {
-                hidden.slice([0..num_sentences, 0..1, 0..width]).reshape([num_sentences, width])
-            };
-            let pooled: Tensor<2> = match pooling {
-                Pooling::Mean => hidden.mean_dim(1).reshape([num_sentences, width]),
-                Pooling::Cls => start(hidden),
+        let width = self.config.width;
+        self.cached(&self.known_sentences, sentences, pooling, false, |_, vectors| {
+            // Every sentence has a start token.
+            let start = &vectors[..width];
+            match pooling {
+                Pooling::Mean => Ok(mean(vectors, width)),
+                Pooling::Cls => Ok(start.to_vec()),
                 Pooling::Pooler => {
                     let none = || EncoderError::NoPooler { path: self.folder.join("model.safetensors") };
-                    self.transformer.pool(start(hidden)).ok_or_else(none)?
+                    self.transformer.pool(start).ok_or_else(none)
                 }
-            };
-            Ok(numbers(pooled)?.chunks_exact(width).map(<[f32]>::to_vec).collect())
+            }
         })
     }
 
-    /// Looks sentences up, computing the new ones in batches of equal length.
+    /// Looks sentences up, computing the new ones; `finish` takes the ids of a sentence and its vectors `[token, width]`.
     fn cached<K, T>(
         &self,
         known: &Known<K, T>,
         sentences: &[&str],
         key: K,
         prefix_space: bool,
-        finish: impl Fn(&[&[u32]], Tensor<3>) -> Result<Vec<T>, EncoderError> + Sync,
+        finish: impl Fn(&[u32], &[f32]) -> Result<T, EncoderError> + Sync,
     ) -> Result<Vec<Arc<T>>, EncoderError>
     where
         K: Copy + Eq + std::hash::Hash,
@@ -259,36 +247,72 @@ impl Encoder {
             let known = lock();
             sentences.iter().copied().filter(|&text| !known.contains_key(&(text.to_owned(), key))).collect()
         };
-        let mut by_length: BTreeMap<usize, Vec<(&str, Vec<u32>)>> = BTreeMap::new();
-        for sentence in fresh {
-            let ids = self.tokenizer.encode(sentence, prefix_space)?;
-            by_length.entry(ids.len()).or_default().push((sentence, ids));
-        }
-        // The longest first, so that no thread ends with a long batch alone.
-        let batches: Vec<&[(&str, Vec<u32>)]> = by_length
-            .iter()
-            .rev()
-            .flat_map(|(&length, group)| group.chunks((BATCH_TOKENS / length).max(1)))
-            .collect();
-        let computed: Vec<Vec<T>> = batches
+        let fresh: Vec<&str> = fresh.into_iter().collect();
+        let mut fresh: Vec<(&str, Vec<u32>)> = fresh
+            .par_iter()
+            .map(|&text| Ok((text, self.tokenizer.encode(text, prefix_space)?)))
+            .collect::<Result<_, EncoderError>>()?;
+        // The longest first, so that no thread ends with a long one alone.
+        fresh.sort_by_key(|(_, ids)| std::cmp::Reverse(ids.len()));
+        let computed: Vec<Vec<T>> = batches(&fresh)
             .par_iter()
             .map(|batch| {
                 let ids: Vec<&[u32]> = batch.iter().map(|(_, ids)| ids.as_slice()).collect();
-                finish(&ids, self.transformer.forward(&ids, ids[0].len()))
+                let numbers = self.transformer.forward(&ids);
+                if !numbers.iter().all(|number| number.is_finite()) {
+                    return Err(failed("a vector is not finite"));
+                }
+                let mut rest = numbers.as_slice();
+                ids.iter()
+                    .map(|ids| {
+                        let vectors;
+                        (vectors, rest) = rest.split_at(ids.len() * self.config.width);
+                        finish(ids, vectors)
+                    })
+                    .collect()
             })
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<_, EncoderError>>()?;
         let mut known = lock();
-        for (batch, results) in batches.iter().zip(computed) {
-            for ((sentence, _), result) in batch.iter().zip(results) {
-                known.insert(((*sentence).to_owned(), key), Arc::new(result));
-            }
+        for ((sentence, _), result) in fresh.iter().zip(computed.into_iter().flatten()) {
+            known.insert(((*sentence).to_owned(), key), Arc::new(result));
         }
-        let missing = || EncoderError::Compute { reason: "it gave fewer sentences than it took".to_owned() };
+        let missing = || failed("it gave fewer sentences than it took");
         sentences
             .iter()
             .map(|&text| known.get(&(text.to_owned(), key)).cloned().ok_or_else(missing))
             .collect()
     }
+}
+
+/// Sentences in groups of at most [`BATCH_TOKENS`] tokens.
+fn batches<'a, 'b>(sentences: &'a [(&'b str, Vec<u32>)]) -> Vec<&'a [(&'b str, Vec<u32>)]> {
+    let (mut batches, mut first, mut num_tokens) = (Vec::new(), 0, 0);
+    for (index, (_, ids)) in sentences.iter().enumerate() {
+        num_tokens += ids.len();
+        if num_tokens > BATCH_TOKENS && index > first {
+            batches.push(&sentences[first..index]);
+            (first, num_tokens) = (index, ids.len());
+        }
+    }
+    if first < sentences.len() {
+        batches.push(&sentences[first..]);
+    }
+    batches
+}
+
+/// The mean of the rows `[row, width]`.
+fn mean(rows: &[f32], width: usize) -> Vec<f32> {
+    let num_rows = (rows.len() / width) as f64;
+    (0..width)
+        .map(|column| {
+            let sum: f64 = rows[column..].iter().step_by(width).map(|&number| f64::from(number)).sum();
+            (sum / num_rows) as f32
+        })
+        .collect()
+}
+
+fn failed(reason: &str) -> EncoderError {
+    EncoderError::Compute { reason: reason.to_owned() }
 }
 
 /// Whether a folder holds a model of the shape of roberta-large, the default encoder of BERTScore for English.
@@ -299,14 +323,4 @@ pub fn looks_like_roberta_large(folder: &Path) -> Result<bool, EncoderError> {
     let config = EncoderConfig::read(&folder.join("config.json"))?;
     let shape = (config.family, config.num_layers, config.width, config.vocab_size);
     Ok(shape == (Family::Roberta, 24, 1024, 50_265))
-}
-
-fn numbers<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, EncoderError> {
-    let failed = |reason: String| EncoderError::Compute { reason };
-    let numbers = tensor.try_into_vec_as::<f32>().map_err(|error| failed(error.to_string()))?;
-    if numbers.iter().all(|number| number.is_finite()) {
-        Ok(numbers)
-    } else {
-        Err(failed("a vector is not finite".to_owned()))
-    }
 }
