@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::decay::Decay;
 use super::folder::RunFacts;
 use super::plan::Plan;
 use super::record::Validation;
@@ -40,7 +41,7 @@ pub fn card(
          | fingerprint | `{}` |\n\n\
          ## Training\n\n\
          Iterations {} of {} (stage 1: {}, stage 2: {}); these are the weights after iteration {}. Seed {}, batches of {},\n\
-         parts alternate every {} iterations, Adam at {}. Everything else: `settings.toml` of the run.\n\n\
+         {}, Adam at {}{}. Everything else: `settings.toml` of the run.\n\n\
          | part | trained numbers |\n|---|---|\n{}\n\n",
         set.rate_hz,
         facts.rprae,
@@ -62,8 +63,12 @@ pub fn card(
         trained.iteration,
         settings.seed,
         settings.training.batch_size,
-        settings.training.alternate_every,
+        turns(settings.training.alternate_every),
         settings.training.learning_rate,
+        match settings.training.learning_rate_decay {
+            Decay::Constant => "",
+            Decay::Cosine => ", falling to nothing through stage 2",
+        },
         parameters.join("\n"),
     );
     if let Some(found) = validation {
@@ -93,6 +98,14 @@ pub fn card(
          believing it.\n"
     );
     card
+}
+
+/// Which parts learn when.
+fn turns(alternate_every: usize) -> String {
+    match alternate_every {
+        0 => "both parts learn at every iteration".to_owned(),
+        every => format!("parts alternate every {every} iterations"),
+    }
 }
 
 /// Rows on mirror images; none where there are none.

@@ -41,13 +41,15 @@ impl Optimizer {
         }
     }
 
-    /// One update of every weight that has a gradient, and the norm of the gradient of each part before clipping.
+    /// One update of every weight that has a gradient, with a share of the step size, and the norm of the gradient of each
+    /// part before clipping.
     ///
     /// Nothing changes when a norm is not finite.
     pub(super) fn step(
         &mut self,
         model: Rprae,
         gradients: &Gradients,
+        share: f64,
     ) -> (Rprae, Result<BTreeMap<Part, f64>, NotFinite>) {
         let mut collect = Collect { path: Vec::new(), gradients, found: BTreeMap::new() };
         model.visit(&mut collect);
@@ -67,7 +69,7 @@ impl Optimizer {
             gradients: found,
             states: &mut self.states,
             adam: &self.adam,
-            learning_rate: self.learning_rate,
+            learning_rate: self.learning_rate * share,
         };
         (model.map(&mut update), Ok(norms))
     }

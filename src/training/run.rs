@@ -235,8 +235,9 @@ impl<'a> Run<'a> {
         if let Some((name, _)) = loss.named().into_iter().find(|(_, loss)| !loss.is_finite()) {
             return Err(self.not_finite(format!("the {name} loss"), iteration, &batch));
         }
+        let share = self.settings.training.learning_rate_decay.factor(&self.plan, iteration);
         let gradients = (losses.total() + losses.length.clone()).backward();
-        let (model, norms) = self.optimizer.step(self.model.clone(), &gradients);
+        let (model, norms) = self.optimizer.step(self.model.clone(), &gradients, share);
         self.model = model;
         let norms = norms.map_err(|found| {
             let part = match found.part {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::decay::Decay;
 use crate::manifest::{SettingsFile, SettingsFileError};
 use crate::model::{DeviceChoice, InvalidSetting, LossSettings, ModelSettings};
 
@@ -61,6 +62,8 @@ pub struct TrainingSettings {
     pub alternate_every: usize,
     /// Step size of Adam.
     pub learning_rate: f64,
+    /// How it goes on through stage 2. Default constant, as in the paper.
+    pub learning_rate_decay: Decay,
     /// Memory of Adam for the slope.
     pub beta_1: f32,
     /// Memory of Adam for its square.
@@ -98,6 +101,7 @@ impl Default for TrainingSettings {
             stage2_iterations: None,
             alternate_every: 100,
             learning_rate: 1e-3,
+            learning_rate_decay: Decay::Constant,
             beta_1: 0.9,
             beta_2: 0.999,
             epsilon: 1e-8,
