@@ -52,6 +52,15 @@ pub enum DrawError {
         /// Pairs drawn.
         pairs: usize,
     },
+    /// A set that was prepared with a part of its pairs, which says nothing of the others.
+    #[error(
+        "cross-validate: {left_out} captions of motions are in no pair of the prepared set; prepare it without paired and \
+         non_paired, for the grid draws its amounts itself"
+    )]
+    LimitedPairs {
+        /// Captions whose pair is missing.
+        left_out: usize,
+    },
     /// A split without pairs.
     #[error("use the prepared set: its {split:?} split has no pairs; prepare it anew, or set folds")]
     NoPairs {
@@ -165,6 +174,12 @@ fn first(places: &[usize], chosen: &[usize], amount: usize, order: impl Fn(usize
 /// The set with one of some parts as its test split, the next as its validation split, and the rest to learn from.
 fn fold(full: &PreparedSet, fold: usize, folds: usize) -> Result<PreparedSet, DrawError> {
     let pairs: Vec<Pair> = full.paired.iter().chain(&full.validation).chain(&full.test).copied().collect();
+    let paired: BTreeSet<usize> = pairs.iter().map(|pair| pair.caption).collect();
+    let of_motions = full.captions.iter().enumerate().filter(|(_, caption)| caption.motion.is_some());
+    let left_out = of_motions.filter(|(place, _)| !paired.contains(place)).count();
+    if left_out > 0 {
+        return Err(DrawError::LimitedPairs { left_out });
+    }
     let with_captions: BTreeSet<usize> = pairs.iter().map(|pair| pair.motion).collect();
     if with_captions.len() < 2 * folds {
         return Err(DrawError::TooFewMotions { found: with_captions.len(), folds });
@@ -349,6 +364,12 @@ pub(super) mod tests {
         few.non_paired_motions.truncate(12);
         let set = draw(&few, &cell(Amount::Some(2), Some(Amount::Some(captions)), 0), 4).unwrap().set;
         assert_eq!((set.non_paired_motions.len(), set.non_paired_captions.len()), (6, captions));
+        // Of the motions left out of the draw nobody knows whether they are held out.
+        let mut limited = full();
+        limited.paired.truncate(4);
+        let error = draw(&limited, &cell(Amount::All, None, 0), 4).unwrap_err();
+        assert_eq!(error, DrawError::LimitedPairs { left_out: 6 });
+        draw(&limited, &cell(Amount::All, None, 0), 0).unwrap();
         let mut empty = full();
         empty.test.clear();
         let error = draw(&empty, &cell(Amount::All, None, 0), 0).unwrap_err();
