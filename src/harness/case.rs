@@ -186,6 +186,7 @@ fn empty_level(level: Level) -> LevelResult {
         events: Vec::new(),
         recording: None,
         read_back: None,
+        read_back_doubts: Vec::new(),
     }
 }
 

@@ -146,6 +146,8 @@ pub struct Language {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ReadBack {
     pub text: String,
+    /// Doubts about the motion that was read.
+    pub doubts: Vec<String>,
     /// Sentence BLEU-4 against the sentences it should mean, 0..1.
     pub bleu: f64,
     /// Largest cosine between the latent of the motion and those of the sentences.
@@ -249,7 +251,8 @@ impl Language {
             Some(encoder) => Some(nearest(encoder, &text, captions)?),
             None => None,
         };
-        Ok(Some(ReadBack { text, bleu: bleu.score(), latent_cosine, sentence_cosine }))
+        let doubts = described.warnings;
+        Ok(Some(ReadBack { text, doubts, bleu: bleu.score(), latent_cosine, sentence_cosine }))
     }
 }
 

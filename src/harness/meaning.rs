@@ -77,6 +77,7 @@ fn read_back(
 
 fn insert(result: &mut LevelResult, read: &ReadBack, [bleu, latent, cosine]: [&Metric; 3]) {
     result.read_back = Some(read.text.clone());
+    result.read_back_doubts.clone_from(&read.doubts);
     result.scores.insert(bleu.key.to_owned(), read.bleu);
     result.scores.insert(latent.key.to_owned(), read.latent_cosine);
     if let Some(value) = read.sentence_cosine {

@@ -63,6 +63,9 @@ pub struct LevelResult {
     /// The caption a model reads back from the movement at this level; `None` without a model in the loop.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub read_back: Option<String>,
+    /// Doubts about reading it, as sentences for a person.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub read_back_doubts: Vec<String>,
 }
 
 /// One of several motions made of a sentence.
@@ -191,6 +194,7 @@ pub(super) mod samples {
                     events: Vec::new(),
                     recording: None,
                     read_back: None,
+                    read_back_doubts: Vec::new(),
                 });
             }
             let result = levels.iter_mut().find(|result| result.level == level).unwrap();

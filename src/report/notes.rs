@@ -74,7 +74,8 @@ pub fn notes(case: &CaseResult) -> Vec<Note> {
     if !falls.is_empty() {
         notes.push(note(NoteKind::Fell, format!("fell: {}", falls.join(", "))));
     }
-    match case.warnings.len() {
+    let doubts: usize = case.levels.iter().map(|level| level.read_back_doubts.len()).sum();
+    match case.warnings.len() + doubts {
         0 => {}
         1 => notes.push(note(NoteKind::Doubt, "1 warning".to_owned())),
         count => notes.push(note(NoteKind::Doubt, format!("{count} warnings"))),
@@ -87,16 +88,20 @@ pub(super) fn held(support: &PropSupport) -> String {
     format!("{} {:.1}-{:.1} s", support.prop.word(), support.from_secs, support.to_secs)
 }
 
-/// Everything that is known of a case in words: when or where, and what. Warnings first, then events by level.
+/// Everything that is known of a case in words: when or where, and what. Warnings first, then doubts about what is read back,
+/// then events by level.
 pub(super) fn remarks(case: &CaseResult) -> Vec<(String, String)> {
     let warnings = case.warnings.iter().map(|warning| ("input".to_owned(), warning.clone()));
+    let doubts = case.levels.iter().flat_map(|level| {
+        level.read_back_doubts.iter().map(|doubt| (format!("{} read back", level.level), doubt.clone()))
+    });
     let events = case.levels.iter().flat_map(|level| {
         level
             .events
             .iter()
             .map(|event| (format!("{} {:.2} s", level.level, event.time_secs), event.message.clone()))
     });
-    warnings.chain(events).collect()
+    warnings.chain(doubts).chain(events).collect()
 }
 
 /// Time of the fall as the scores tell it, so that the note and the number beside it cannot disagree.
@@ -121,6 +126,10 @@ mod tests {
         walk.failures.push("L2: not a number at 0.5 s".to_owned());
         let texts: Vec<String> = notes(&walk).into_iter().map(|note| note.text).collect();
         assert_eq!(texts, ["FAILED: L2: not a number at 0.5 s", "fell: L3 1.3 s", "1 warning"]);
+        let level = walk.levels[0].level;
+        walk.levels[0].read_back_doubts.push("it lasts 9 s".to_owned());
+        assert_eq!(notes(&walk).last().unwrap().text, "2 warnings");
+        assert!(remarks(&walk).contains(&(format!("{level} read back"), "it lasts 9 s".to_owned())));
     }
 
     #[test]

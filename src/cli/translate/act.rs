@@ -45,6 +45,9 @@ pub(super) struct MotionRecord {
     /// What the motion says, with --round-trip.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     read_back: Vec<Sentence>,
+    /// Doubts about reading it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    read_back_notes: Vec<String>,
     /// What the humanoid did, with --perform.
     #[serde(skip_serializing_if = "Option::is_none")]
     performed: Option<Performance>,
@@ -105,8 +108,12 @@ impl<'s, 'a> Actor<'s, 'a> {
         let search = Search { n_best: 1, ..*search };
         let motion = &acted.motion;
         let fine = upsampled(motion, args.out_rate())?;
-        let read_back =
-            if args.round_trip { translator.describe(motion, &search)?.sentences } else { Vec::new() };
+        let (read_back, read_back_notes) = if args.round_trip {
+            let described = translator.describe(motion, &search)?;
+            (described.sentences, described.warnings)
+        } else {
+            Default::default()
+        };
         let places: Vec<_> =
             targets.iter().filter_map(|target| target.motion_file(made.id.as_deref(), file_number)).collect();
         // One at most, written while the humanoid performs.
@@ -133,6 +140,7 @@ impl<'s, 'a> Actor<'s, 'a> {
             turn_deg,
             files,
             read_back,
+            read_back_notes,
             performed,
         })
     }
@@ -169,13 +177,7 @@ impl ActedRecord {
                 "  {number}{:.1} s ({} frames at {} Hz), travels {:.2} m, turns {:.0} degrees",
                 motion.duration_secs, motion.num_frames, motion.rate_hz, motion.travel_m, motion.turn_deg
             );
-            for sentence in &motion.read_back {
-                let _ = writeln!(
-                    text,
-                    "     read back: {} (log p {:.2})",
-                    sentence.text, sentence.log_probability
-                );
-            }
+            text.push_str(&read_back_text("read back", &motion.read_back, &motion.read_back_notes));
             if let Some(performed) = &motion.performed {
                 text.push_str(&performed.text());
             }
@@ -185,6 +187,19 @@ impl ActedRecord {
         }
         text
     }
+}
+
+/// Sentences read back from a movement with the doubts about it, for a person.
+pub(super) fn read_back_text(what: &str, sentences: &[Sentence], notes: &[String]) -> String {
+    let mut text = String::new();
+    for Sentence { text: words, log_probability, .. } in sentences {
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "     {what}: {words} (log p {log_probability:.2})");
+    }
+    for note in notes {
+        let _ = writeln!(text, "     {what}, note: {note}");
+    }
+    text
 }
 
 /// A line a motion file, as `--motions` of the other commands takes it.

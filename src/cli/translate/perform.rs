@@ -7,6 +7,7 @@ use std::path::Path;
 use anyhow::anyhow;
 use serde::Serialize;
 
+use super::act::read_back_text;
 use crate::harness::{self, RunSettings};
 use crate::humanoid::Humanoid;
 use crate::manifest::VERSION;
@@ -39,6 +40,9 @@ pub(super) struct Performance {
     outcome: Outcome,
     /// What the movement of the humanoid says; empty when it was too short to be read.
     read_back: Vec<Sentence>,
+    /// Doubts about reading it, or why it cannot be read.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    read_back_notes: Vec<String>,
     /// Scores of the rollout by key.
     scores: BTreeMap<&'static str, f64>,
 }
@@ -93,12 +97,15 @@ impl Stage {
 impl Performed {
     /// Reads the movement back.
     pub fn read_back(self, translator: &Translator, search: &Search) -> Performance {
+        let (read_back, read_back_notes) = match translator.describe(&self.motion, search) {
+            Ok(described) => (described.sentences, described.warnings),
+            Err(error) => (Vec::new(), vec![format!("not read back: {error}")]),
+        };
         Performance {
             level: Level::L2,
             outcome: self.outcome,
-            read_back: translator
-                .describe(&self.motion, search)
-                .map_or_else(|_| Vec::new(), |it| it.sentences),
+            read_back,
+            read_back_notes,
             scores: self.scores,
         }
     }
@@ -127,13 +134,7 @@ impl Performance {
             score("l2/mpjpe_root"),
             score("l2/assist_mean"),
         );
-        for sentence in &self.read_back {
-            let _ = writeln!(
-                text,
-                "     read back from what it did: {} (log p {:.2})",
-                sentence.text, sentence.log_probability
-            );
-        }
+        text.push_str(&read_back_text("read back from what it did", &self.read_back, &self.read_back_notes));
         text
     }
 }
