@@ -232,7 +232,7 @@ mod tests {
         assert!(plain.bleu.is_finite());
         assert_eq!(plain.doubts, Vec::<String>::new());
         let frames = vec![crate::motion::Frame::ZERO; 500];
-        let long = crate::motion::Motion::new(sample.motion.body().clone(), 100.0, frames).unwrap();
+        let long = crate::motion::Motion::new(sample.motion.body(), 100.0, frames).unwrap();
         let read = language.read_back(&long, &["word0004".to_owned()]).unwrap().unwrap();
         assert!(read.doubts[0].contains("longer than any"), "{:?}", read.doubts);
     }

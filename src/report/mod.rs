@@ -17,6 +17,8 @@ pub const KEY_METRICS: &[&str] = &[
 ];
 
 mod aggregate;
+#[cfg(feature = "png")]
+mod bitmap;
 mod case;
 mod cell;
 mod chart;
@@ -37,6 +39,8 @@ mod wilson;
 
 pub(crate) use aggregate::quantile;
 pub use aggregate::{Aggregate, Interval, aggregate};
+#[cfg(feature = "png")]
+pub use bitmap::{BitmapError, Bitmaps};
 pub use case::{Candidate, CaseResult, LevelResult, MetricRecord};
 pub use chart::{Chart, Panel, Point, Series};
 pub use csv::scores_csv;

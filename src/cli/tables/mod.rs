@@ -1,5 +1,6 @@
 //! `rprae tables`: a grid of models, trained, scored, and printed as the tables of the paper.
 
+mod bitmaps;
 mod display;
 
 use std::path::PathBuf;
@@ -7,6 +8,7 @@ use std::path::PathBuf;
 use anyhow::{Context as _, bail};
 use clap::Args;
 
+use self::bitmaps::Bitmaps;
 use self::display::Display;
 use super::evaluate::open_token_encoder;
 use super::exit::{Exit, Failure, OrExit};
@@ -26,6 +28,7 @@ const GRID_FILE: &str = "grid.toml";
 const SCORES_FILE: &str = "scores.json";
 
 #[derive(Debug, Args)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of the command line")]
 pub(super) struct TablesArgs {
     /// Which models: data, numbers of pairs, seeds, folds, settings of the runs (TOML); unknown keys are refused
     #[arg(long, value_name = "TOML")]
@@ -46,6 +49,9 @@ pub(super) struct TablesArgs {
     /// Replace the tables and scores that --out holds; its models are kept
     #[arg(long, conflicts_with = "shard")]
     pub overwrite: bool,
+    /// Write every figure as PNG too (needs a program built with --features png)
+    #[arg(long, conflicts_with = "shard")]
+    pub png: bool,
     /// What computes [default: auto]
     #[arg(long, value_enum)]
     pub device: Option<Device>,
@@ -71,6 +77,7 @@ pub(super) fn run(args: &TablesArgs) -> Result<Exit, Failure> {
     grid.encoder = args.encoder.clone().or(grid.encoder);
     grid.sentence_encoder = args.sentence_encoder.clone().or(grid.sentence_encoder);
     // Whatever would stop the scoring is found before hours of training.
+    let bitmaps = Bitmaps::new(args.png).or_usage()?;
     refuse(args, &grid).or_usage()?;
     let encoders = match args.shard {
         None => Encoders::open(&grid).or_usage()?,
@@ -84,7 +91,7 @@ pub(super) fn run(args: &TablesArgs) -> Result<Exit, Failure> {
     let cells = grid.cells();
     let missing: Vec<&Cell> = cells.iter().filter(|cell| !experiments::is_trained(&args.out, cell)).collect();
     match (missing.first(), args.shard) {
-        (None, None) => report(args, (&grid, &set), &selected, &encoders),
+        (None, None) => report(args, (&grid, &set), &selected, &encoders, &bitmaps),
         (None, Some(_)) => {
             let text = format!(
                 "all {} models are trained; run once more without --shard, and the tables are made\n",
@@ -211,6 +218,7 @@ fn report(
     (grid, set): (&Grid, &PreparedSet),
     selected: &Selected,
     encoders: &Encoders,
+    bitmaps: &Bitmaps,
 ) -> Result<Exit, Failure> {
     let panel = encoders.panel();
     let scores = args.out.join(SCORES_FILE);
@@ -227,6 +235,7 @@ fn report(
     let write = |name: &str, text: &str| write_file(&args.out.join(name), text.as_bytes());
     for (name, svg) in experiments::pictures(here, &rows, selected, &humanoid).or_failed()? {
         write(name, &svg).or_failed()?;
+        bitmaps.write(&args.out.join(name), &svg).or_failed()?;
     }
     write("samples.jsonl", &experiments::samples(grid, &rows).or_failed()?).or_failed()?;
     write("captions.md", &experiments::captions(grid, set, &rows, false)).or_failed()?;

@@ -1,7 +1,6 @@
 //! The paper's figures as SVG.
 //!
-//! Only SVG: it is text and opens in every browser. A renderer for bitmaps (resvg 0.45) would bring thirty more crates and 41
-//! seconds of processor time to an unoptimised build, and its letters would depend on the fonts of the machine.
+//! SVG is text and opens in every browser; with the feature `png` [`crate::report::Bitmaps`] makes bitmaps of it.
 
 mod curves;
 mod efficiency;
