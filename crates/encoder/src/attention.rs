@@ -1,10 +1,10 @@
 //! Self-attention of one sentence (Vaswani et al. 2017, Eq. 1).
 
 use crate::elementwise::Softmax;
-use crate::instructions::Instructions;
 use crate::layer::at_least;
 use crate::packed::Packed;
 use crate::product::{Finish, Product};
+use rprae_lanes::Instructions;
 
 /// A sentence before attention.
 #[derive(Clone, Copy)]

@@ -1,13 +1,8 @@
 //! What happens to single numbers and rows: GELU, softmax, layer normalisation.
 
 use pulp::{Simd, WithSimd};
+use rprae_lanes::exponential;
 
-/// Coefficients of `(exp(r) - 1 - r) / r^2` for `|r| <= ln(2) / 2`, highest power first: 1/7!, 1/6!, ... 1/2!.
-const EXPONENTIAL: [f32; 6] = [1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5];
-/// ln(2) in two parts, the first short enough for exact products with whole numbers below 2^10.
-const LN_2: [f32; 2] = [0.693_359_4, -2.121_944_4e-4];
-/// Adding it rounds a number below 2^22 to a whole one, which then stands in the low bits.
-const ROUND: f32 = 12_582_912.0;
 /// Below it the exponential is taken for this number's, which is the least of usual form.
 const LEAST_EXPONENT: f32 = -87.0;
 
@@ -16,18 +11,7 @@ const LEAST_EXPONENT: f32 = -87.0;
 fn exp<S: Simd>(s: S, a: S::f32s) -> S::f32s {
     // A comparison with NaN yields the second operand, so that NaN stays NaN.
     let a = s.max_f32s(s.splat_f32s(LEAST_EXPONENT), a);
-    let rounded = s.mul_add_e_f32s(a, s.splat_f32s(std::f32::consts::LOG2_E), s.splat_f32s(ROUND));
-    let n = s.sub_f32s(rounded, s.splat_f32s(ROUND));
-    let r = s.mul_add_e_f32s(n, s.splat_f32s(-LN_2[0]), a);
-    let r = s.mul_add_e_f32s(n, s.splat_f32s(-LN_2[1]), r);
-    let mut p = s.splat_f32s(EXPONENTIAL[0]);
-    for &c in &EXPONENTIAL[1..] {
-        p = s.mul_add_e_f32s(p, r, s.splat_f32s(c));
-    }
-    let p = s.mul_add_e_f32s(s.mul_f32s(r, r), p, r);
-    // The low nine bits of `rounded` are n; moved to the exponent and offset by that of 1.0 they are 2^n.
-    let bits = s.wrapping_dyn_shl_u32s(s.transmute_u32s_f32s(rounded), s.splat_u32s(23));
-    let scale = s.transmute_f32s_u32s(s.add_u32s(bits, s.splat_u32s(127 << 23)));
+    let (scale, p) = exponential(s, a);
     s.mul_add_e_f32s(scale, p, scale)
 }
 
@@ -143,7 +127,7 @@ impl WithSimd for Normalise<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::instructions::Instructions;
+    use rprae_lanes::Instructions;
 
     struct Gelu<'a>(&'a mut [f32]);
 

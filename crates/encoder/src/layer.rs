@@ -2,9 +2,9 @@
 
 use crate::attention::Sentence;
 use crate::elementwise::Normalise;
-use crate::instructions::Instructions;
 use crate::packed::Packed;
 use crate::product::{Finish, Product};
+use rprae_lanes::Instructions;
 
 /// `y = x W^T + b`.
 #[derive(Debug)]

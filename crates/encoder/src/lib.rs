@@ -8,10 +8,9 @@
 
 mod attention;
 mod elementwise;
-mod instructions;
 mod layer;
 mod packed;
 mod product;
 
-pub use instructions::Instructions;
 pub use layer::{Layer, Linear, Memory, Norm};
+pub use rprae_lanes::Instructions;

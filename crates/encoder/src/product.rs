@@ -174,7 +174,7 @@ fn store<S: Simd, const M: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::instructions::Instructions;
+    use rprae_lanes::Instructions;
 
     fn numbers(len: usize, seed: usize) -> Vec<f32> {
         (0..len).map(|k| ((k * 7919 + seed * 104_729) % 1999) as f32 / 1000.0 - 1.0).collect()

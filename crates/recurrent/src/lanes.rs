@@ -1,9 +1,10 @@
-//! Vectors of numbers, and the choice of instructions at run time.
+//! Vectors of numbers.
 //!
 //! Kernels are written once against [`Lanes`] and compiled for AVX-512, AVX2, NEON (all through `pulp`) and for plain
 //! arrays; [`Instructions`] says which of them runs.
 
-use pulp::{Arch, Simd, WithSimd};
+use pulp::{Simd, WithSimd};
+use rprae_lanes::{Instructions, exponential};
 
 /// Operations on [`Lanes::LANES`] numbers at a time.
 pub trait Lanes<T>: Copy {
@@ -33,52 +34,6 @@ pub trait Lanes<T>: Copy {
 /// Code that runs with some set of instructions.
 pub trait Kernel<T> {
     fn run<S: Lanes<T>>(self, lanes: S);
-}
-
-/// The set of machine instructions the kernels use.
-///
-/// Results of different sets differ in the last bits, since sums are rounded in another order.
-#[derive(Debug, Clone, Copy)]
-pub struct Instructions(Option<Arch>);
-
-impl Instructions {
-    /// The best set this machine has.
-    #[must_use]
-    pub fn best() -> Self {
-        match Arch::new() {
-            Arch::Scalar => Self(None),
-            arch => Self(Some(arch)),
-        }
-    }
-
-    /// All sets this machine has, the best one first and the portable one last.
-    #[must_use]
-    pub fn all() -> Vec<Self> {
-        let mut all = vec![Self::best()];
-        #[cfg(target_arch = "x86_64")]
-        if let (Some(Arch::V4(_)), Some(v3)) = (all[0].0, pulp::x86::V3::try_new()) {
-            all.push(Self(Some(Arch::V3(v3))));
-        }
-        if all[0].0.is_some() {
-            all.push(Self(None));
-        }
-        all
-    }
-
-    /// A name for logs, such as `V4` for AVX-512.
-    #[must_use]
-    pub fn name(self) -> String {
-        self.0.map_or_else(
-            || "portable".to_owned(),
-            |arch| format!("{arch:?}").split('(').next().unwrap_or_default().to_owned(),
-        )
-    }
-}
-
-impl Default for Instructions {
-    fn default() -> Self {
-        Self::best()
-    }
 }
 
 /// A number the kernels work on: `f32`, or `f64` (portable instructions only, for checks of gradients).
@@ -135,9 +90,10 @@ impl Number for f32 {
 
     #[inline(always)]
     fn run<K: Kernel<Self>>(instructions: Instructions, kernel: K) {
-        match instructions.0 {
-            Some(arch) => arch.dispatch(Dispatch(kernel)),
-            None => kernel.run(Portable),
+        if instructions.is_portable() {
+            kernel.run(Portable);
+        } else {
+            instructions.run(Dispatch(kernel));
         }
     }
 
@@ -166,34 +122,6 @@ impl Number for f64 {
 /// Vectors of `f32` in registers of `pulp`.
 #[derive(Clone, Copy)]
 struct Wide<S>(S);
-
-/// Coefficients of `(exp(r) - 1 - r) / r^2` for `|r| <= ln(2) / 2`, highest power first: 1/7!, 1/6!, ... 1/2!.
-const EXPONENTIAL: [f32; 6] = [1.0 / 5040.0, 1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5];
-/// ln(2) in two parts, the first short enough for exact products with whole numbers below 2^10.
-const LN_2: [f32; 2] = [0.693_359_4, -2.121_944_4e-4];
-/// Adding it rounds a number below 2^22 to a whole one, which then stands in the low bits.
-const ROUND: f32 = 12_582_912.0;
-
-impl<S: Simd> Wide<S> {
-    /// `2^n` and `exp(r) - 1` with `exp(a) = 2^n exp(r)`, for `|a| <= 87`.
-    #[inline(always)]
-    fn exponential(self, a: S::f32s) -> (S::f32s, S::f32s) {
-        let s = self.0;
-        let rounded = s.mul_add_f32s(a, s.splat_f32s(std::f32::consts::LOG2_E), s.splat_f32s(ROUND));
-        let n = s.sub_f32s(rounded, s.splat_f32s(ROUND));
-        let r = s.mul_add_f32s(n, s.splat_f32s(-LN_2[0]), a);
-        let r = s.mul_add_f32s(n, s.splat_f32s(-LN_2[1]), r);
-        let mut p = s.splat_f32s(EXPONENTIAL[0]);
-        for c in &EXPONENTIAL[1..] {
-            p = s.mul_add_f32s(p, r, s.splat_f32s(*c));
-        }
-        let p = s.mul_add_f32s(s.mul_f32s(r, r), p, r);
-        // The low nine bits of `rounded` are n; moved to the exponent and offset by that of 1.0 they are 2^n.
-        let bits = s.wrapping_dyn_shl_u32s(s.transmute_u32s_f32s(rounded), s.splat_u32s(23));
-        let scale = s.transmute_f32s_u32s(s.add_u32s(bits, s.splat_u32s(127 << 23)));
-        (scale, p)
-    }
-}
 
 impl<S: Simd> Lanes<f32> for Wide<S> {
     type V = S::f32s;
@@ -241,7 +169,7 @@ impl<S: Simd> Lanes<f32> for Wide<S> {
         let one = s.splat_f32s(1.0);
         // A comparison with NaN yields the second operand, so that NaN stays NaN.
         let a = s.max_f32s(s.splat_f32s(-80.0), s.min_f32s(s.splat_f32s(80.0), a));
-        let (scale, p) = self.exponential(s.sub_f32s(s.splat_f32s(0.0), a));
+        let (scale, p) = exponential(s, s.sub_f32s(s.splat_f32s(0.0), a));
         s.div_f32s(one, s.add_f32s(one, s.mul_add_f32s(scale, p, scale)))
     }
 
@@ -250,7 +178,7 @@ impl<S: Simd> Lanes<f32> for Wide<S> {
         let s = self.0;
         // exp(2a) - 1 over exp(2a) + 1; the polynomial has no constant term, so nothing cancels near zero.
         let a = s.max_f32s(s.splat_f32s(-20.0), s.min_f32s(s.splat_f32s(20.0), a));
-        let (scale, p) = self.exponential(s.add_f32s(a, a));
+        let (scale, p) = exponential(s, s.add_f32s(a, a));
         let e = s.mul_add_f32s(scale, p, s.sub_f32s(scale, s.splat_f32s(1.0)));
         s.div_f32s(e, s.add_f32s(e, s.splat_f32s(2.0)))
     }

@@ -3,12 +3,13 @@
 use rayon::prelude::*;
 
 use crate::kernel::{Operand, Outer, Product, Run, Start, Step, StepBack, Target, groups};
-use crate::lanes::{Instructions, Number};
+use crate::lanes::Number;
 use crate::panels::{Buffer, Panels, WIDE};
 use crate::plan::Plan;
 use crate::weights::{
     LayerGradients, LayerWeights, Packed, pack_gates, pack_gates_transposed, unpack_columns, unpack_gates,
 };
+use rprae_lanes::Instructions;
 
 /// Hidden states and cells of a layer, `[batch, hidden]` each.
 #[derive(Debug, Clone, PartialEq)]

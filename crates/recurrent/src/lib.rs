@@ -12,8 +12,8 @@ mod sequence;
 mod weights;
 
 pub use closed_loop::{ClosedLoop, ClosedLoopGradients, Decoder, Feedback, Projection};
-pub use lanes::Instructions;
 pub use layer::State;
 pub use plan::{Direction, Plan};
+pub use rprae_lanes::Instructions;
 pub use sequence::{Sequence, SequenceGradients};
 pub use weights::{LayerGradients, LayerWeights};

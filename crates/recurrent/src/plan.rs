@@ -4,8 +4,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::lanes::{Instructions, Number};
+use crate::lanes::Number;
 use crate::panels::Panels;
+use rprae_lanes::Instructions;
 
 /// The order in which a sequence is read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
