@@ -5,8 +5,9 @@ mod part;
 use rayon::prelude::*;
 
 use crate::lanes::Number;
-use crate::layer::{State, in_pool, plain_outer, weight_gradients};
+use crate::layer::{State, in_pool};
 use crate::plan::Plan;
+use crate::weight_gradients::{plain_outer, weight_gradients};
 use crate::weights::{LayerGradients, LayerWeights};
 use part::{Back, Packs, Part, Transposed};
 

@@ -2,14 +2,11 @@
 
 use rayon::prelude::*;
 
-use crate::kernel::{Operand, Outer, Product, Run, Start, Step, StepBack, Target, groups};
+use crate::kernel::{Operand, Product, Start, Step, StepBack, Target};
 use crate::lanes::Number;
-use crate::panels::{Buffer, Panels, WIDE};
+use crate::panels::{Panels, WIDE};
 use crate::plan::Plan;
-use crate::weights::{
-    LayerGradients, LayerWeights, Packed, pack_gates, pack_gates_transposed, unpack_columns, unpack_gates,
-};
-use rprae_lanes::Instructions;
+use crate::weights::{LayerWeights, Packed, pack_gates, pack_gates_transposed};
 
 /// Hidden states and cells of a layer, `[batch, hidden]` each.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,7 +39,7 @@ pub(crate) fn share(tasks: usize, multiplications: usize) -> usize {
 }
 
 /// The panel after this one, empty after the last.
-fn following<T>(packed: &Packed<T>, panel: usize) -> &[T] {
+pub(crate) fn following<T>(packed: &Packed<T>, panel: usize) -> &[T] {
     packed.get(panel + 1).map_or(&[], |next| &next[..])
 }
 
@@ -110,7 +107,7 @@ pub(crate) struct History<T> {
     /// Hidden states of the latest step and room for the next, `[batch, hidden]`.
     pub(crate) latest: Panels<T>,
     next: Panels<T>,
-    hidden_units: usize,
+    pub(crate) hidden_units: usize,
 }
 
 impl<T: Number> History<T> {
@@ -137,7 +134,7 @@ impl<T: Number> History<T> {
     }
 
     /// First row of the states before a step.
-    fn before(plan: &Plan, step: usize) -> usize {
+    pub(crate) fn before(plan: &Plan, step: usize) -> usize {
         if step == 0 { 0 } else { plan.batch() + plan.frames(step - 1).start }
     }
 
@@ -252,98 +249,6 @@ impl<T: Number> History<T> {
     }
 }
 
-/// A layer's way through a part of a batch, once its gates hold gradients.
-pub(crate) struct Gone<'a, T> {
-    pub(crate) plan: &'a Plan,
-    pub(crate) history: &'a History<T>,
-    /// What was heard, frame 0 at `first_row`.
-    pub(crate) input: &'a Panels<T>,
-    pub(crate) first_row: usize,
-}
-
-/// Gradients of a layer's weights: sums over all frames, part after part.
-pub(crate) fn weight_gradients<T: Number>(
-    instructions: Instructions,
-    parts: &[Gone<'_, T>],
-) -> LayerGradients<T> {
-    let lanes = T::lanes(instructions);
-    let hidden = parts.first().map_or(0, |part| part.history.hidden_units);
-    let mut bias = Panels::<T>::zeros(1, hidden.div_ceil(lanes) * WIDE * lanes, WIDE * lanes).panels;
-    let heard: Vec<Factors<'_, T>> = parts
-        .iter()
-        .map(|part| {
-            let run = Run { left: part.first_row, right: 0, rows: part.plan.num_frames() };
-            Factors { left: part.input, right: &part.history.gates, runs: vec![run] }
-        })
-        .collect();
-    let input = outer(instructions, &heard, Some(&mut bias));
-    let before: Vec<Factors<'_, T>> = parts
-        .iter()
-        .map(|part| {
-            let mut runs: Vec<Run> = Vec::new();
-            for step in 0..part.plan.num_steps() {
-                let (left, frames) = (History::<T>::before(part.plan, step), part.plan.frames(step));
-                match runs.last_mut() {
-                    Some(run) if run.left + run.rows == left => run.rows += frames.len(),
-                    _ => runs.push(Run { left, right: frames.start, rows: frames.len() }),
-                }
-            }
-            Factors { left: &part.history.hidden, right: &part.history.gates, runs }
-        })
-        .collect();
-    let recurrent = outer(instructions, &before, None);
-    LayerGradients {
-        input: unpack_gates(&input, hidden, lanes),
-        recurrent: unpack_gates(&recurrent, hidden, lanes),
-        bias: unpack_gates(&bias, hidden, lanes),
-    }
-}
-
-/// Two matrices and the rows of theirs that belong together.
-pub(crate) struct Factors<'a, T> {
-    pub(crate) left: &'a Panels<T>,
-    pub(crate) right: &'a Panels<T>,
-    pub(crate) runs: Vec<Run>,
-}
-
-/// The sum over rows of left row times right row, one buffer for each wide panel of the right.
-fn outer<T: Number>(
-    instructions: Instructions,
-    factors: &[Factors<'_, T>],
-    right_sums: Option<&mut Packed<T>>,
-) -> Packed<T> {
-    let groups: Vec<Vec<Vec<Run>>> = factors.iter().map(|factors| groups(&factors.runs)).collect();
-    let Some(Factors { left, right, .. }) = factors.first() else { return Vec::new() };
-    let mut sums: Packed<T> =
-        right.panels.iter().map(|_| Buffer::zeros(left.columns * right.width)).collect();
-    let mut right_sums: Vec<Option<&mut Buffer<T>>> = match right_sums {
-        Some(right_sums) => right_sums.iter_mut().map(Some).collect(),
-        None => right.panels.iter().map(|_| None).collect(),
-    };
-    sums.par_iter_mut().zip(&mut right_sums).enumerate().for_each(|(panel, (sums, right_sum))| {
-        for (factors, groups) in factors.iter().zip(&groups) {
-            let right_sum = right_sum.as_deref_mut().map(|sum| &mut sum[..]);
-            let right = &factors.right.panels[panel];
-            T::run(instructions, Outer { left: factors.left, right, groups, sums, right_sum });
-        }
-    });
-    sums
-}
-
-/// The outer product in the caller's order, `[left column, right column]`, and the sum of the right rows.
-pub(crate) fn plain_outer<T: Number>(
-    instructions: Instructions,
-    factors: &[Factors<'_, T>],
-) -> (Vec<T>, Vec<T>) {
-    let (columns, width) =
-        factors.first().map_or((0, 1), |factors| (factors.right.columns, factors.right.width));
-    let mut sum = Panels::zeros(1, columns, width);
-    let product = outer(instructions, factors, Some(&mut sum.panels));
-    let mut total = vec![T::default(); columns];
-    sum.get_row(0, &mut total);
-    (unpack_columns(&product, columns, width / WIDE), total)
-}
-
 /// Gradient of a layer's states, `[batch, hidden]` each: of those after the last frame at first, of the initial ones at last.
 #[derive(Debug)]
 pub(crate) struct StateGradient<T> {
@@ -364,91 +269,4 @@ impl<T: Number> StateGradient<T> {
         plan.scatter_rows(&self.hidden, &mut state.hidden);
         plan.scatter_rows(&self.cell, &mut state.cell);
     }
-}
-
-/// Rows of a product and the packed weights behind it.
-pub(crate) struct Destination<'a, T> {
-    pub(crate) panels: &'a mut Panels<T>,
-    pub(crate) first_row: usize,
-    pub(crate) packed: &'a Packed<T>,
-    /// Packed like a row of weights, if there is one.
-    pub(crate) bias: Option<&'a Packed<T>>,
-}
-
-/// One task of [`multiply`].
-struct Piece<'a, T> {
-    target: Vec<&'a mut [T]>,
-    weights: &'a [T],
-    next: &'a [T],
-    bias: Option<&'a [T]>,
-}
-
-/// Products of the same rows with several packed matrices, side by side.
-pub(crate) fn multiply<T: Number>(
-    instructions: Instructions,
-    left: &Panels<T>,
-    first_row: usize,
-    rows: usize,
-    destinations: Vec<Destination<'_, T>>,
-) {
-    let lanes = T::lanes(instructions);
-    let mut pieces = Vec::new();
-    for Destination { panels, first_row, packed, bias } in destinations {
-        let width = panels.width;
-        let together = WIDE * lanes / width;
-        for (index, (panels, weights)) in panels.panels.chunks_mut(together).zip(packed).enumerate() {
-            let target =
-                panels.iter_mut().map(|panel| &mut panel[first_row * width..][..rows * width]).collect();
-            pieces.push(Piece {
-                target,
-                weights,
-                next: following(packed, index),
-                bias: bias.map(|bias| &bias[index][..]),
-            });
-        }
-    }
-    let min = share(pieces.len(), pieces.len() * rows * left.columns * WIDE * lanes);
-    pieces.par_iter_mut().with_min_len(min).for_each(|piece| {
-        let start = piece.bias.map_or(Start::Zero, Start::Bias);
-        let operand = Operand { left, first_row, weights: piece.weights, next: piece.next };
-        let target = match &mut piece.target[..] {
-            [wide] if wide.len() == rows * WIDE * lanes => Target::Wide(wide),
-            narrow => Target::Narrow(narrow),
-        };
-        T::run(instructions, Product { start, operand, rows, target });
-    });
-}
-
-/// [`multiply`] for many rows at once: cut into pieces of rows too, so that one panel keeps all threads busy.
-pub(crate) fn multiply_all<T: Number>(
-    instructions: Instructions,
-    left: &Panels<T>,
-    first_row: usize,
-    rows: usize,
-    packed: &Packed<T>,
-    columns: usize,
-    width: usize,
-) -> Panels<T> {
-    const ROWS: usize = 120;
-    let lanes = T::lanes(instructions);
-    let mut product = Panels::zeros(rows, columns, width);
-    let together = WIDE * lanes / width;
-    product.panels.par_chunks_mut(together).zip(packed).for_each(|(panels, weights)| {
-        let mut chunks: Vec<Vec<&mut [T]>> = (0..rows.div_ceil(ROWS)).map(|_| Vec::new()).collect();
-        for panel in panels {
-            for (chunk, part) in chunks.iter_mut().zip(panel.chunks_mut(ROWS * width)) {
-                chunk.push(part);
-            }
-        }
-        chunks.par_iter_mut().enumerate().for_each(|(index, parts)| {
-            let rows = ROWS.min(rows - index * ROWS);
-            let operand = Operand { left, first_row: first_row + index * ROWS, weights, next: &[] };
-            let target = match &mut parts[..] {
-                [wide] if width == WIDE * lanes => Target::Wide(wide),
-                narrow => Target::Narrow(narrow),
-            };
-            T::run(instructions, Product { start: Start::Zero, operand, rows, target });
-        });
-    });
-    product
 }

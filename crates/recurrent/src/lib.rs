@@ -6,9 +6,11 @@ mod closed_loop;
 mod kernel;
 mod lanes;
 mod layer;
+mod multiply;
 mod panels;
 mod plan;
 mod sequence;
+mod weight_gradients;
 mod weights;
 
 pub use closed_loop::{ClosedLoop, ClosedLoopGradients, Decoder, Feedback, Projection};

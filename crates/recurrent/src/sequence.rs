@@ -3,12 +3,11 @@
 use rayon::prelude::*;
 
 use crate::lanes::Number;
-use crate::layer::{
-    Backward, Destination, Forward, Gone, Hears, History, State, StateGradient, in_pool, multiply,
-    multiply_all, weight_gradients,
-};
+use crate::layer::{Backward, Forward, Hears, History, State, StateGradient, in_pool};
+use crate::multiply::{Destination, multiply, multiply_all};
 use crate::panels::{Panels, WIDE};
 use crate::plan::Plan;
+use crate::weight_gradients::{Gone, weight_gradients};
 use crate::weights::{LayerGradients, LayerWeights};
 
 /// A layer's way through a batch, kept for the way back.

@@ -3,11 +3,11 @@
 use super::{Decoder, Feedback};
 use crate::kernel::Run;
 use crate::lanes::Number;
-use crate::layer::{
-    Backward, Destination, Factors, Forward, Gone, Hears, History, State, StateGradient, multiply,
-};
+use crate::layer::{Backward, Forward, Hears, History, State, StateGradient};
+use crate::multiply::{Destination, multiply};
 use crate::panels::{Panels, WIDE};
 use crate::plan::Plan;
+use crate::weight_gradients::{Factors, Gone};
 use crate::weights::{Packed, pack_columns, pack_columns_transposed};
 
 /// A decoder's weights packed for steps forward.
