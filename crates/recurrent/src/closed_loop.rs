@@ -79,7 +79,7 @@ impl<T> Decoder<'_, T> {
 
 /// A decoder's way through a batch, kept for the way back.
 #[derive(Debug, Clone)]
-pub struct ClosedLoop<T> {
+pub struct ClosedLoop<T: Number> {
     plan: Plan,
     parts: Vec<Part<T>>,
     num_outputs: usize,

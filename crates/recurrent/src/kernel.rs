@@ -4,7 +4,8 @@
 //! number of threads nor on the rest of the batch.
 
 use crate::lanes::{Kernel, Lanes, Number};
-use crate::panels::{LINE, Panels, WIDE};
+use crate::memory::LINE;
+use crate::panels::{Panels, WIDE};
 
 /// Four vectors for each of `M` rows.
 type Block<V, const M: usize> = [[V; WIDE]; M];
@@ -14,7 +15,7 @@ const M_MAX: usize = 6;
 
 /// One factor of a product: rows of a matrix, and the packed weights they meet.
 #[derive(Clone, Copy)]
-pub(crate) struct Operand<'a, T> {
+pub(crate) struct Operand<'a, T: Number> {
     pub(crate) left: &'a Panels<T>,
     pub(crate) first_row: usize,
     /// `[left column, 4 vectors]`, without the padding of the last panel.
@@ -171,7 +172,7 @@ pub(crate) enum Target<'a, 'b, T> {
 }
 
 /// Four vectors of columns of a product, all rows.
-pub(crate) struct Product<'a, 'b, T> {
+pub(crate) struct Product<'a, 'b, T: Number> {
     pub(crate) start: Start<'a, T>,
     pub(crate) operand: Operand<'a, T>,
     pub(crate) rows: usize,
@@ -212,7 +213,7 @@ impl<T: Number> Kernel<T> for Product<'_, '_, T> {
 }
 
 /// One step of a layer for one panel of units: gates, cells and hidden states of the first `rows` rows.
-pub(crate) struct Step<'a, T> {
+pub(crate) struct Step<'a, T: Number> {
     /// `[4 vectors]`, or none where the gates already hold what does not depend on the step before.
     pub(crate) bias: Option<&'a [T]>,
     /// What the layer hears now, unless the gates hold its share.
@@ -337,7 +338,7 @@ pub(crate) fn groups(runs: &[Run]) -> Vec<Vec<Run>> {
 }
 
 /// The sum over rows of left row times right row, for one wide panel of the right; adds to what is there.
-pub(crate) struct Outer<'a, T> {
+pub(crate) struct Outer<'a, T: Number> {
     pub(crate) left: &'a Panels<T>,
     /// One wide panel.
     pub(crate) right: &'a [T],

@@ -48,7 +48,7 @@ pub trait Number:
     + std::ops::Add<Output = Self>
     + std::ops::Sub<Output = Self>
     + std::ops::Mul<Output = Self>
-    + 'static
+    + bytemuck::Pod
 {
     const ONE: Self;
     /// The least gradient that counts. Gradients vanish exponentially on their way back through a long sequence, and a

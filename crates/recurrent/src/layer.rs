@@ -39,8 +39,8 @@ pub(crate) fn share(tasks: usize, multiplications: usize) -> usize {
 }
 
 /// The panel after this one, empty after the last.
-pub(crate) fn following<T>(packed: &Packed<T>, panel: usize) -> &[T] {
-    packed.get(panel + 1).map_or(&[], |next| &next[..])
+pub(crate) fn following<T: Number>(packed: &Packed<T>, panel: usize) -> &[T] {
+    packed.get(panel + 1).unwrap_or(&[])
 }
 
 /// Runs on a thread of the pool, where sharing a step costs no more than waking a neighbour.
@@ -50,7 +50,7 @@ pub(crate) fn in_pool<R: Send>(work: impl FnOnce() -> R + Send) -> R {
 
 /// Weights of a layer packed for steps forward.
 #[derive(Debug)]
-pub(crate) struct Forward<T> {
+pub(crate) struct Forward<T: Number> {
     input: Packed<T>,
     recurrent: Packed<T>,
     bias: Packed<T>,
@@ -74,7 +74,7 @@ impl<T: Number> Forward<T> {
 
 /// Weights of a layer packed for steps back.
 #[derive(Debug)]
-pub(crate) struct Backward<T> {
+pub(crate) struct Backward<T: Number> {
     pub(crate) input: Packed<T>,
     pub(crate) recurrent: Packed<T>,
 }
@@ -90,7 +90,7 @@ impl<T: Number> Backward<T> {
 }
 
 /// What a layer hears in one step.
-pub(crate) enum Hears<'a, T> {
+pub(crate) enum Hears<'a, T: Number> {
     /// Rows of a matrix.
     Rows { left: &'a Panels<T>, first_row: usize },
     /// The gates already hold the input's share and the bias.
@@ -99,7 +99,7 @@ pub(crate) enum Hears<'a, T> {
 
 /// All a layer remembers of a batch. Cells and hidden states begin with the initial ones, one row for each sequence.
 #[derive(Debug, Clone)]
-pub(crate) struct History<T> {
+pub(crate) struct History<T: Number> {
     /// Activated gates; gradients before the activations after the way back. `[frame, gate of unit]`, wide panels of units.
     pub(crate) gates: Panels<T>,
     pub(crate) cells: Panels<T>,
@@ -113,8 +113,8 @@ pub(crate) struct History<T> {
 impl<T: Number> History<T> {
     pub(crate) fn new(plan: &Plan, initial: Option<(&[T], &[T])>, hidden: usize, lanes: usize) -> Self {
         let (batch, frames) = (plan.batch(), plan.num_frames());
-        let mut cells = Panels::zeros(batch + frames, hidden, lanes);
-        let mut states = Panels::zeros(batch + frames, hidden, lanes);
+        let mut cells = Panels::unset(batch, batch + frames, hidden, lanes);
+        let mut states = Panels::unset(batch, batch + frames, hidden, lanes);
         let mut latest = Panels::zeros(batch, hidden, lanes);
         if let Some((hidden_states, cell_states)) = initial {
             let whole = plan.whole();
@@ -128,7 +128,7 @@ impl<T: Number> History<T> {
             }
         }
         // Gates of a panel of units fill one wide panel, also where units are missing.
-        let gates = Panels::zeros(frames, hidden.div_ceil(lanes) * WIDE * lanes, WIDE * lanes);
+        let gates = Panels::unset(0, frames, hidden.div_ceil(lanes) * WIDE * lanes, WIDE * lanes);
         let next = latest.clone();
         Self { gates, cells, hidden: states, latest, next, hidden_units: hidden }
     }
@@ -141,7 +141,7 @@ impl<T: Number> History<T> {
     /// Fills the gates with the share of inputs known beforehand: one product over all frames.
     pub(crate) fn hear(&mut self, plan: &Plan, weights: &Forward<T>, input: &Panels<T>, first_row: usize) {
         let rows = plan.num_frames();
-        self.gates.panels.par_iter_mut().zip(&weights.input).zip(&weights.bias).for_each(
+        self.gates.panels.par_iter_mut().zip(weights.input.par_iter()).zip(weights.bias.par_iter()).for_each(
             |((gates, packed), bias)| {
                 let operand = Operand { left: input, first_row, weights: packed, next: &[] };
                 let target = Target::Wide(gates);
@@ -161,9 +161,9 @@ impl<T: Number> History<T> {
         self.gates
             .panels
             .par_iter_mut()
-            .zip(&mut self.cells.panels)
-            .zip(&mut self.hidden.panels)
-            .zip(&mut self.next.panels)
+            .zip(self.cells.panels.par_iter_mut())
+            .zip(self.hidden.panels.par_iter_mut())
+            .zip(self.next.panels.par_iter_mut())
             .enumerate()
             .with_min_len(min)
             .for_each(|(panel, (((gates, cells), hidden), next))| {
@@ -219,7 +219,7 @@ impl<T: Number> History<T> {
         self.gates
             .panels
             .par_iter_mut()
-            .zip(&mut gradient.cell.panels)
+            .zip(gradient.cell.panels.par_iter_mut())
             .enumerate()
             .with_min_len(min)
             .for_each(|(panel, (gates, cell))| {
@@ -251,7 +251,7 @@ impl<T: Number> History<T> {
 
 /// Gradient of a layer's states, `[batch, hidden]` each: of those after the last frame at first, of the initial ones at last.
 #[derive(Debug)]
-pub(crate) struct StateGradient<T> {
+pub(crate) struct StateGradient<T: Number> {
     pub(crate) hidden: Panels<T>,
     pub(crate) cell: Panels<T>,
 }

@@ -6,6 +6,7 @@ mod closed_loop;
 mod kernel;
 mod lanes;
 mod layer;
+mod memory;
 mod multiply;
 mod panels;
 mod plan;

@@ -10,7 +10,7 @@ use crate::panels::{Panels, WIDE};
 use crate::weights::Packed;
 
 /// Rows of a product and the packed weights behind it.
-pub(crate) struct Destination<'a, T> {
+pub(crate) struct Destination<'a, T: Number> {
     pub(crate) panels: &'a mut Panels<T>,
     pub(crate) first_row: usize,
     pub(crate) packed: &'a Packed<T>,
@@ -39,9 +39,8 @@ pub(crate) fn multiply<T: Number>(
     for Destination { panels, first_row, packed, bias } in destinations {
         let width = panels.width;
         let together = WIDE * lanes / width;
-        for (index, (panels, weights)) in panels.panels.chunks_mut(together).zip(packed).enumerate() {
-            let target =
-                panels.iter_mut().map(|panel| &mut panel[first_row * width..][..rows * width]).collect();
+        for (index, (panels, weights)) in panels.panels.groups_mut(together).zip(packed.iter()).enumerate() {
+            let target = panels.map(|panel| &mut panel[first_row * width..][..rows * width]).collect();
             pieces.push(Piece {
                 target,
                 weights,
@@ -74,9 +73,9 @@ pub(crate) fn multiply_all<T: Number>(
 ) -> Panels<T> {
     const ROWS: usize = 120;
     let lanes = T::lanes(instructions);
-    let mut product = Panels::zeros(rows, columns, width);
+    let mut product = Panels::unset(0, rows, columns, width);
     let together = WIDE * lanes / width;
-    product.panels.par_chunks_mut(together).zip(packed).for_each(|(panels, weights)| {
+    product.panels.par_groups_mut(together).zip(packed.par_iter()).for_each(|(panels, weights)| {
         let mut chunks: Vec<Vec<&mut [T]>> = (0..rows.div_ceil(ROWS)).map(|_| Vec::new()).collect();
         for panel in panels {
             for (chunk, part) in chunks.iter_mut().zip(panel.chunks_mut(ROWS * width)) {

@@ -4,63 +4,108 @@
 //! contiguous piece of each panel, threads own whole panels, and a kernel finds the factors of one multiplication side by side.
 //! A panel is *narrow* (one vector wide: units of a layer) or *wide* (four vectors: the gates of as many units, or features).
 
-use std::ops::{Deref, DerefMut};
+use std::ops::Index;
+
+use rayon::prelude::*;
 
 use crate::lanes::Number;
-
-/// Bytes of a cache line; vectors that straddle two of them load at half speed.
-pub(crate) const LINE: usize = 64;
+use crate::memory::{Buffer, LINE};
 
 /// Vectors in a wide panel: one for each gate of a unit.
 pub(crate) const WIDE: usize = 4;
 
-/// Numbers that begin at a cache line.
-#[derive(Debug)]
-pub(crate) struct Buffer<T> {
-    data: Vec<T>,
-    start: usize,
-    len: usize,
+/// Equal pieces of numbers, one after the other.
+///
+/// Between them lies an odd number of cache lines: at a distance of many whole pages, equal rows of neighbouring pieces would
+/// drive each other out of the first cache.
+#[derive(Debug, Clone)]
+pub(crate) struct Pieces<T: Number> {
+    numbers: Buffer<T>,
+    count: usize,
+    /// Numbers in a piece.
+    length: usize,
+    /// Numbers from the start of a piece to that of the next.
+    stride: usize,
 }
 
-impl<T: Copy + Default> Buffer<T> {
-    pub(crate) fn zeros(len: usize) -> Self {
-        let data = vec![T::default(); len + LINE / size_of::<T>()];
-        let start = data.as_ptr().align_offset(LINE).min(LINE / size_of::<T>());
-        Self { data, start, len }
+impl<T: Number> Pieces<T> {
+    pub(crate) fn zeros(count: usize, length: usize) -> Self {
+        let stride = Self::stride(length);
+        Self { numbers: Buffer::zeros(count * stride), count, length, stride }
+    }
+
+    /// Pieces of which nothing is read before it is written.
+    pub(crate) fn unset(count: usize, length: usize) -> Self {
+        let stride = Self::stride(length);
+        Self { numbers: Buffer::unset(count * stride), count, length, stride }
+    }
+
+    fn stride(length: usize) -> usize {
+        let line = LINE / size_of::<T>();
+        (length.div_ceil(line) | 1) * line
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.count
+    }
+
+    pub(crate) fn get(&self, piece: usize) -> Option<&[T]> {
+        (piece < self.count).then(|| &self[piece])
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &[T]> {
+        (0..self.count).map(|piece| &self[piece])
+    }
+
+    pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = &mut [T]> {
+        let length = self.length;
+        self.numbers.chunks_exact_mut(self.stride).map(move |piece| &mut piece[..length])
+    }
+
+    pub(crate) fn par_iter(&self) -> impl IndexedParallelIterator<Item = &[T]> {
+        (0..self.count).into_par_iter().map(|piece| &self[piece])
+    }
+
+    pub(crate) fn par_iter_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [T]> {
+        let length = self.length;
+        self.numbers.par_chunks_exact_mut(self.stride).map(move |piece| &mut piece[..length])
+    }
+
+    /// Some pieces at a time, fewer at the end.
+    pub(crate) fn groups_mut(
+        &mut self,
+        together: usize,
+    ) -> impl Iterator<Item = impl Iterator<Item = &mut [T]>> {
+        let (length, stride) = (self.length, self.stride);
+        let groups = self.numbers.chunks_mut(together * stride);
+        groups.map(move |group| group.chunks_exact_mut(stride).map(move |piece| &mut piece[..length]))
+    }
+
+    /// Some pieces at a time, fewer at the end.
+    pub(crate) fn par_groups_mut(
+        &mut self,
+        together: usize,
+    ) -> impl IndexedParallelIterator<Item = impl Iterator<Item = &mut [T]>> {
+        let (length, stride) = (self.length, self.stride);
+        let groups = self.numbers.par_chunks_mut(together * stride);
+        groups.map(move |group| group.chunks_exact_mut(stride).map(move |piece| &mut piece[..length]))
     }
 }
 
-impl<T: Clone> Clone for Buffer<T> {
-    fn clone(&self) -> Self {
-        let mut data: Vec<T> = Vec::with_capacity(self.data.len());
-        let start = data.as_ptr().align_offset(LINE).min(self.data.len() - self.len);
-        // What lies around the numbers does not matter.
-        data.extend_from_slice(&self.data[..start]);
-        data.extend_from_slice(self);
-        data.extend_from_slice(&self.data[start + self.len..]);
-        Self { data, start, len: self.len }
-    }
-}
+impl<T: Number> Index<usize> for Pieces<T> {
+    type Output = [T];
 
-impl<T> Deref for Buffer<T> {
-    type Target = [T];
-
-    fn deref(&self) -> &[T] {
-        &self.data[self.start..self.start + self.len]
-    }
-}
-
-impl<T> DerefMut for Buffer<T> {
-    fn deref_mut(&mut self) -> &mut [T] {
-        &mut self.data[self.start..self.start + self.len]
+    #[inline]
+    fn index(&self, piece: usize) -> &[T] {
+        &self.numbers[piece * self.stride..][..self.length]
     }
 }
 
 /// A matrix in panels; columns beyond the last are zero.
 #[derive(Debug, Clone)]
 #[expect(clippy::struct_field_names, reason = "a matrix in panels consists of panels")]
-pub(crate) struct Panels<T> {
-    pub(crate) panels: Vec<Buffer<T>>,
+pub(crate) struct Panels<T: Number> {
+    pub(crate) panels: Pieces<T>,
     /// Columns in a panel.
     pub(crate) width: usize,
     /// Columns of the matrix.
@@ -69,7 +114,13 @@ pub(crate) struct Panels<T> {
 
 impl<T: Number> Panels<T> {
     pub(crate) fn zeros(rows: usize, columns: usize, width: usize) -> Self {
-        let panels = (0..columns.div_ceil(width)).map(|_| Buffer::zeros(rows * width)).collect();
+        Self { panels: Pieces::zeros(columns.div_ceil(width), rows * width), width, columns }
+    }
+
+    /// Zeros in the first rows; nothing of the others is read before it is written.
+    pub(crate) fn unset(zeros: usize, rows: usize, columns: usize, width: usize) -> Self {
+        let mut panels = Pieces::unset(columns.div_ceil(width), rows * width);
+        panels.iter_mut().for_each(|panel| panel[..zeros * width].fill(T::default()));
         Self { panels, width, columns }
     }
 

@@ -12,7 +12,7 @@ use crate::weights::{LayerGradients, LayerWeights};
 
 /// A layer's way through a batch, kept for the way back.
 #[derive(Debug, Clone)]
-pub struct Sequence<T> {
+pub struct Sequence<T: Number> {
     plan: Plan,
     parts: Vec<Part<T>>,
     hidden_units: usize,
@@ -20,7 +20,7 @@ pub struct Sequence<T> {
 
 /// The way of a part of the batch.
 #[derive(Debug, Clone)]
-struct Part<T> {
+struct Part<T: Number> {
     plan: Plan,
     input: Panels<T>,
     history: History<T>,

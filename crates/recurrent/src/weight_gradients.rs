@@ -6,12 +6,12 @@ use rprae_lanes::Instructions;
 use crate::kernel::{Outer, Run, groups};
 use crate::lanes::Number;
 use crate::layer::History;
-use crate::panels::{Buffer, Panels, WIDE};
+use crate::panels::{Panels, WIDE};
 use crate::plan::Plan;
 use crate::weights::{LayerGradients, Packed, unpack_columns, unpack_gates};
 
 /// A layer's way through a part of a batch, once its gates hold gradients.
-pub(crate) struct Gone<'a, T> {
+pub(crate) struct Gone<'a, T: Number> {
     pub(crate) plan: &'a Plan,
     pub(crate) history: &'a History<T>,
     /// What was heard, frame 0 at `first_row`.
@@ -58,7 +58,7 @@ pub(crate) fn weight_gradients<T: Number>(
 }
 
 /// Two matrices and the rows of theirs that belong together.
-pub(crate) struct Factors<'a, T> {
+pub(crate) struct Factors<'a, T: Number> {
     pub(crate) left: &'a Panels<T>,
     pub(crate) right: &'a Panels<T>,
     pub(crate) runs: Vec<Run>,
@@ -71,16 +71,15 @@ fn outer<T: Number>(
     right_sums: Option<&mut Packed<T>>,
 ) -> Packed<T> {
     let groups: Vec<Vec<Vec<Run>>> = factors.iter().map(|factors| groups(&factors.runs)).collect();
-    let Some(Factors { left, right, .. }) = factors.first() else { return Vec::new() };
-    let mut sums: Packed<T> =
-        right.panels.iter().map(|_| Buffer::zeros(left.columns * right.width)).collect();
-    let mut right_sums: Vec<Option<&mut Buffer<T>>> = match right_sums {
+    let Some(Factors { left, right, .. }) = factors.first() else { return Packed::zeros(0, 0) };
+    let mut sums = Packed::zeros(right.panels.len(), left.columns * right.width);
+    let mut right_sums: Vec<Option<&mut [T]>> = match right_sums {
         Some(right_sums) => right_sums.iter_mut().map(Some).collect(),
-        None => right.panels.iter().map(|_| None).collect(),
+        None => (0..right.panels.len()).map(|_| None).collect(),
     };
     sums.par_iter_mut().zip(&mut right_sums).enumerate().for_each(|(panel, (sums, right_sum))| {
         for (factors, groups) in factors.iter().zip(&groups) {
-            let right_sum = right_sum.as_deref_mut().map(|sum| &mut sum[..]);
+            let right_sum = right_sum.as_deref_mut();
             let right = &factors.right.panels[panel];
             T::run(instructions, Outer { left: factors.left, right, groups, sums, right_sum });
         }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::lanes::Number;
-use crate::panels::{Buffer, WIDE};
+use crate::panels::{Pieces, WIDE};
 
 /// Weights of one layer, row after row; gates in the order input, forget, cell, output.
 #[derive(Debug, Clone, Copy)]
@@ -48,32 +48,29 @@ pub struct LayerGradients<T> {
     pub bias: Vec<T>,
 }
 
-/// One buffer for each panel of the product, `[row of the matrix, 4 vectors]`.
-pub(crate) type Packed<T> = Vec<Buffer<T>>;
+/// A piece for each panel of the product, `[row of the matrix, 4 vectors]`.
+pub(crate) type Packed<T> = Pieces<T>;
 
 /// Packs a matrix `[row, 4 * hidden]` for the gates of each panel of units.
 pub(crate) fn pack_gates<T: Number>(matrix: &[T], hidden: usize, lanes: usize) -> Packed<T> {
     let rows = matrix.len() / (WIDE * hidden);
-    let firsts: Vec<usize> = (0..hidden).step_by(lanes).collect();
-    firsts
-        .into_par_iter()
-        .map(|first| {
-            let units = lanes.min(hidden - first);
-            let mut packed = Buffer::zeros(rows * WIDE * lanes);
-            let sources = matrix.chunks_exact(WIDE * hidden);
-            for (packed, source) in packed.chunks_exact_mut(WIDE * lanes).zip(sources) {
-                for (packed, source) in packed.chunks_exact_mut(lanes).zip(source.chunks_exact(hidden)) {
-                    packed[..units].copy_from_slice(&source[first..first + units]);
-                }
+    let mut panels = Packed::zeros(hidden.div_ceil(lanes), rows * WIDE * lanes);
+    panels.par_iter_mut().enumerate().for_each(|(panel, packed)| {
+        let first = panel * lanes;
+        let units = lanes.min(hidden - first);
+        let sources = matrix.chunks_exact(WIDE * hidden);
+        for (packed, source) in packed.chunks_exact_mut(WIDE * lanes).zip(sources) {
+            for (packed, source) in packed.chunks_exact_mut(lanes).zip(source.chunks_exact(hidden)) {
+                packed[..units].copy_from_slice(&source[first..first + units]);
             }
-            packed
-        })
-        .collect()
+        }
+    });
+    panels
 }
 
 /// The reverse of [`pack_gates`].
 pub(crate) fn unpack_gates<T: Number>(packed: &Packed<T>, hidden: usize, lanes: usize) -> Vec<T> {
-    let rows = packed.first().map_or(0, |panel| panel.len() / (WIDE * lanes));
+    let rows = packed.get(0).map_or(0, |panel| panel.len() / (WIDE * lanes));
     let mut matrix = vec![T::default(); rows * WIDE * hidden];
     matrix.par_chunks_exact_mut(WIDE * hidden).enumerate().for_each(|(row, matrix)| {
         for (gate, matrix) in matrix.chunks_exact_mut(hidden).enumerate() {
@@ -89,24 +86,21 @@ pub(crate) fn unpack_gates<T: Number>(packed: &Packed<T>, hidden: usize, lanes: 
 pub(crate) fn pack_columns<T: Number>(matrix: &[T], columns: usize, lanes: usize) -> Packed<T> {
     let width = WIDE * lanes;
     let rows = matrix.len() / columns;
-    let firsts: Vec<usize> = (0..columns).step_by(width).collect();
-    firsts
-        .into_par_iter()
-        .map(|first| {
-            let length = width.min(columns - first);
-            let mut packed = Buffer::zeros(rows * width);
-            for (packed, source) in packed.chunks_exact_mut(width).zip(matrix.chunks_exact(columns)) {
-                packed[..length].copy_from_slice(&source[first..first + length]);
-            }
-            packed
-        })
-        .collect()
+    let mut panels = Packed::zeros(columns.div_ceil(width), rows * width);
+    panels.par_iter_mut().enumerate().for_each(|(panel, packed)| {
+        let first = panel * width;
+        let length = width.min(columns - first);
+        for (packed, source) in packed.chunks_exact_mut(width).zip(matrix.chunks_exact(columns)) {
+            packed[..length].copy_from_slice(&source[first..first + length]);
+        }
+    });
+    panels
 }
 
 /// The reverse of [`pack_columns`].
 pub(crate) fn unpack_columns<T: Number>(packed: &Packed<T>, columns: usize, lanes: usize) -> Vec<T> {
     let width = WIDE * lanes;
-    let rows = packed.first().map_or(0, |panel| panel.len() / width);
+    let rows = packed.get(0).map_or(0, |panel| panel.len() / width);
     let mut matrix = vec![T::default(); rows * columns];
     for (row, matrix) in matrix.chunks_exact_mut(columns).enumerate() {
         for (panel, matrix) in packed.iter().zip(matrix.chunks_mut(width)) {
@@ -129,23 +123,21 @@ fn pack_transposed<T: Number>(
     let width = WIDE * lanes;
     let depth: usize = pieces.iter().map(|(_, length, padding)| length + padding).sum();
     let rows: Vec<&[T]> = matrix.chunks_exact(columns).collect();
-    rows.par_chunks(width)
-        .map(|rows| {
-            let mut packed = Buffer::zeros(depth * width);
-            let mut at = 0;
-            for &(first, length, padding) in pieces {
-                let target = &mut packed[at * width..][..length * width];
-                for (row, source) in rows.iter().enumerate() {
-                    let source = &source[first..first + length];
-                    for (target, &number) in target.chunks_exact_mut(width).zip(source) {
-                        target[row] = number;
-                    }
+    let mut panels = Packed::zeros(rows.len().div_ceil(width), depth * width);
+    panels.par_iter_mut().zip(rows.par_chunks(width)).for_each(|(packed, rows)| {
+        let mut at = 0;
+        for &(first, length, padding) in pieces {
+            let target = &mut packed[at * width..][..length * width];
+            for (row, source) in rows.iter().enumerate() {
+                let source = &source[first..first + length];
+                for (target, &number) in target.chunks_exact_mut(width).zip(source) {
+                    target[row] = number;
                 }
-                at += length + padding;
             }
-            packed
-        })
-        .collect()
+            at += length + padding;
+        }
+    });
+    panels
 }
 
 /// Packs the transpose of a matrix `[row, 4 * hidden]` for factors that are gates of panels of units.

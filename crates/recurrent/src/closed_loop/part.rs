@@ -11,7 +11,7 @@ use crate::weight_gradients::{Factors, Gone};
 use crate::weights::{Packed, pack_columns, pack_columns_transposed};
 
 /// A decoder's weights packed for steps forward.
-pub(super) struct Packs<T> {
+pub(super) struct Packs<T: Number> {
     layers: Vec<Forward<T>>,
     projection: Packed<T>,
     bias: Packed<T>,
@@ -29,7 +29,7 @@ impl<T: Number> Packs<T> {
 }
 
 /// A decoder's weights packed for steps back.
-pub(super) struct Transposed<T> {
+pub(super) struct Transposed<T: Number> {
     layers: Vec<Backward<T>>,
     projection: Packed<T>,
 }
@@ -45,7 +45,7 @@ impl<T: Number> Transposed<T> {
 
 /// What a part of the batch remembers of its way.
 #[derive(Debug, Clone)]
-pub(super) struct Part<T> {
+pub(super) struct Part<T: Number> {
     plan: Plan,
     layers: Vec<History<T>>,
     /// What the bottom layer heard, `[frame, feature]`.
@@ -57,7 +57,7 @@ pub(super) struct Part<T> {
 }
 
 /// What the way back left beside the gates' gradients.
-pub(super) struct Back<T> {
+pub(super) struct Back<T: Number> {
     /// Of the initial states, from the bottom up.
     states: Vec<StateGradient<T>>,
     /// Of the outputs before their activation, `[frame, output]`.
@@ -67,7 +67,7 @@ pub(super) struct Back<T> {
 }
 
 /// Two rows of equal length, possibly of different matrices.
-fn rows<T>(
+fn rows<T: Number>(
     panels: &Panels<T>,
     range: std::ops::Range<usize>,
 ) -> impl Iterator<Item = std::ops::Range<usize>> + use<T> {
@@ -148,7 +148,7 @@ impl<T: Number> Part<T> {
                 Feedback::Tanh => {
                     let from = rows(&self.outputs, frames.start..frames.start + next.len());
                     let to = rows(&self.inputs, next);
-                    let panels = self.inputs.panels.iter_mut().zip(&self.outputs.panels);
+                    let panels = self.inputs.panels.iter_mut().zip(self.outputs.panels.iter());
                     for ((inputs, outputs), (from, to)) in panels.zip(from.zip(to)) {
                         inputs[to].copy_from_slice(&outputs[from]);
                     }
@@ -194,7 +194,7 @@ impl<T: Number> Part<T> {
                     let next = plan.frames(step + 1);
                     let to = rows(&d_outputs, frames.start..frames.start + next.len());
                     let from = rows(&d_inputs, next);
-                    let panels = d_outputs.panels.iter_mut().zip(&d_inputs.panels);
+                    let panels = d_outputs.panels.iter_mut().zip(d_inputs.panels.iter());
                     for ((d_outputs, d_inputs), (to, from)) in panels.zip(to.zip(from)) {
                         for (d_output, &d_input) in d_outputs[to].iter_mut().zip(&d_inputs[from]) {
                             *d_output += d_input;
@@ -203,7 +203,7 @@ impl<T: Number> Part<T> {
                 }
                 let ranges = rows(&d_outputs, frames.clone());
                 for ((d_outputs, outputs), range) in
-                    d_outputs.panels.iter_mut().zip(&self.outputs.panels).zip(ranges)
+                    d_outputs.panels.iter_mut().zip(self.outputs.panels.iter()).zip(ranges)
                 {
                     for (d_output, &output) in d_outputs[range.clone()].iter_mut().zip(&outputs[range]) {
                         *d_output = *d_output * (T::ONE - output * output);
