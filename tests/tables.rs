@@ -207,6 +207,8 @@ fn a_model_is_scored_on_what_was_kept_from_it(folder: &Path) {
         let text = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
         (output.status.code(), text.concat())
     };
+    // Motions are made from the first frames that lie there.
+    assert!(folder.join(cell(0)).join("starts.safetensors").exists());
     // The test motions of the set are m10 and m11; other parts of the cross-validation learned from them.
     let fold = (0..3).find(|&fold| learned(fold, "m10") || learned(fold, "m11")).unwrap();
     let (code, message) = evaluate(fold, &[]);

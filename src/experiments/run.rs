@@ -120,7 +120,11 @@ fn compare(
     if !differences.is_empty() {
         return other(format!("with other settings ({})", differences.join("; ")));
     }
-    let facts = fs::read(folder.join(training::RUN_FILE))?;
+    let file = folder.join(training::RUN_FILE);
+    let facts = match fs::read(&file) {
+        Ok(facts) => facts,
+        Err(error) => return other(format!("by something that left no {}: {error}", file.display())),
+    };
     let facts: RunFacts = match serde_json::from_slice(&facts) {
         Ok(facts) => facts,
         Err(error) => return other(format!("by something that left no record ({error})")),
@@ -209,7 +213,16 @@ pub fn load_cell(
     let (set, settings) = prepare(grid, cell, full)?;
     let folder = cell_folder(out, cell);
     compare(&folder, cell, &set, &settings, selected)?;
-    Ok((Bundle::load(&folder.join(BUNDLE), &selected.device)?, set))
+    let bundle = Bundle::load(&folder.join(BUNDLE), &selected.device)?;
+    // Models of earlier versions were kept without the first frames of motions.
+    let bundle = match bundle.has_starts() {
+        true => bundle,
+        false => {
+            let learned = set.renormalized(&bundle.normalizer);
+            bundle.with_starts(&learned)
+        }
+    };
+    Ok((bundle, set))
 }
 
 #[cfg(test)]

@@ -197,7 +197,7 @@ impl Bundle {
         let shape = vec![values.len() / stored.dimensions.max(1), stored.dimensions];
         let vectors = BTreeMap::from([("word_vectors".to_owned(), NamedTensor { shape, values })]);
         write_tensors(&part.join(VECTORS), &vectors).map_err(io("write", &part))?;
-        if !self.starts.is_empty() {
+        if self.has_starts() {
             write_tensors(&part.join(STARTS), &self.starts.tensors()).map_err(io("write", &part))?;
         }
         write_tensors(&part.join(WEIGHTS), &weights(&self.model)).map_err(io("write", &part))?;

@@ -27,7 +27,7 @@ impl Starts {
         nearest.map(|(_, frame)| *frame)
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
@@ -62,6 +62,12 @@ impl Starts {
 }
 
 impl Bundle {
+    /// Whether it has first frames of motions.
+    #[must_use]
+    pub fn has_starts(&self) -> bool {
+        !self.starts.is_empty()
+    }
+
     /// The bundle with the first frames of the training pairs' motions, for motions made without a reference.
     #[must_use]
     pub fn with_starts(mut self, set: &PreparedSet) -> Self {

@@ -64,10 +64,10 @@ impl Trained {
         self.mirrored.as_ref().unwrap_or(set)
     }
 
-    /// The model with everything it needs, given what it was trained with.
+    /// The model with everything it needs, first frames of motions too, given what it was trained with.
     #[must_use]
     pub fn bundle(&self, settings: &RunSettings, set: &PreparedSet) -> Bundle {
-        Bundle::new(&self.model, &settings.model, self.learned(set))
+        Bundle::new(&self.model, &settings.model, self.learned(set)).with_starts(self.learned(set))
     }
 }
 

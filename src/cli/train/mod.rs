@@ -149,7 +149,7 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
         Line::Validation(found) if found.iteration == trained.iteration => Some(found),
         _ => None,
     });
-    let model = trained.bundle(&settings, &set).with_starts(trained.learned(&set));
+    let model = trained.bundle(&settings, &set);
     let scores = held_out::scores(&set.renormalized(&model.normalizer), &model);
     let card = training::card(&settings, &set, &facts, &trained, best.as_ref(), &scores);
     let bundle = args.out.join(BUNDLE);
