@@ -66,6 +66,16 @@ fn update(args: &RegressArgs, results: &Results) -> Result<Exit, Failure> {
         "\nAccepted {num_cases} cases with {num_metrics} metrics into {}.",
         args.baseline.display()
     );
+    if let Some(previous) = &previous {
+        let lost = previous.cases.keys().filter(|id| !accepted.cases.contains_key(*id)).count();
+        if lost > 0 {
+            let _ = writeln!(
+                text,
+                "{lost} of the {} cases accepted before are not in this run and are gone.",
+                previous.cases.len()
+            );
+        }
+    }
     output::print(text.trim_start()).or_failed()?;
     Ok(Exit::Clean)
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::output::rprae_command;
 use crate::harness::Run;
+use crate::report::regression::{Baseline, CaseFate, Comparison, compare};
 use crate::report::{Align, Column, Results, Table, compact, results_table, shorten};
 use crate::simulation::Level;
 
@@ -52,7 +53,14 @@ pub(super) fn text(run: &Run, keys: &[&str], folder: &Path, width: usize) -> Str
         width,
     );
     let warnings = results.cases.iter().flat_map(|case| {
-        case.warnings.iter().map(|warning| format!("{}: {warning}", case.id)).collect::<Vec<_>>()
+        let doubts = case.levels.iter().flat_map(|level| {
+            level
+                .read_back_doubts
+                .iter()
+                .map(|doubt| format!("{}: {} read back: {doubt}", case.id, level.level))
+        });
+        let warnings = case.warnings.iter().map(|warning| format!("{}: {warning}", case.id));
+        warnings.chain(doubts).collect::<Vec<_>>()
     });
     push_list(&mut text, "Warnings", warnings, width);
     push_counts(&mut text, run);
@@ -153,12 +161,22 @@ fn push_next_steps(text: &mut String, results: &Results, folder: &Path) {
     if has_recordings {
         let _ = writeln!(text, "Watch:    {}", rprae_command(&["view".as_ref(), path]));
     }
-    // The bundled suite comes with a baseline when it is run from the project's folder.
+    if results.cases.is_empty() {
+        return;
+    }
+    // The bundled suite comes with a baseline when it is run from the project's folder; it is of no use to a run of other cases
+    // or settings, which may become a baseline of their own.
     let bundled = Path::new("results/baseline/bundled.json");
-    let has_bundled = results.dataset == BUNDLED && bundled.is_file();
-    let baseline = if has_bundled { bundled } else { Path::new("baseline.json") }.as_os_str();
-    let accept = ["regress".as_ref(), "--baseline".as_ref(), baseline, "--update".as_ref(), path];
+    let comparison = (results.dataset == BUNDLED).then(|| Baseline::read(bundled).ok()).flatten();
+    let comparison = comparison.and_then(|baseline| compare(&baseline, results).ok());
+    let covers = |comparison: &Comparison| {
+        !comparison.cases.iter().any(|(_, fate)| matches!(fate, CaseFate::Missing { .. }))
+    };
+    let baseline = if comparison.is_some() { bundled } else { Path::new("baseline.json") }.as_os_str();
+    if comparison.as_ref().is_none_or(covers) {
+        let accept = ["regress".as_ref(), "--baseline".as_ref(), baseline, "--update".as_ref(), path];
+        let _ = writeln!(text, "Accept:   {}", rprae_command(&accept));
+    }
     let compare = ["regress".as_ref(), "--baseline".as_ref(), baseline, path];
-    let _ = writeln!(text, "Accept:   {}", rprae_command(&accept));
     let _ = writeln!(text, "Compare:  {}", rprae_command(&compare));
 }

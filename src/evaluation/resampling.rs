@@ -41,8 +41,9 @@ pub struct Comparison {
     pub relative_percent: Option<f64>,
     /// 95 % interval of the relative performance.
     pub relative_interval: Option<Interval>,
-    /// Two-sided p-value of the paired bootstrap: how often a centred difference is as large as the one found.
-    pub p_bootstrap: f64,
+    /// Two-sided p-value of the paired bootstrap: how often a centred difference is as large as the one found; `None` below
+    /// five segments.
+    pub p_bootstrap: Option<f64>,
     /// Two-sided p-value of approximate randomisation: how often exchanged outputs differ as much.
     pub p_randomization: f64,
 }
@@ -130,7 +131,7 @@ impl Resampling {
             .map(|pairs| pairs.iter().map(|(ours, other)| 100.0 * ours / other).collect());
         Ok(Comparison {
             difference,
-            p_bootstrap: differences.as_ref().map_or(1.0, |all| {
+            p_bootstrap: differences.as_ref().map(|all| {
                 let mean = all.iter().sum::<f64>() / all.len() as f64;
                 share(
                     all.iter().filter(|&&one| at_least((one - mean).abs(), difference.abs())).count(),
@@ -240,13 +241,13 @@ mod tests {
     fn few_segments_have_no_interval() {
         assert_eq!(Resampling::default().interval(&spread(4, 0.0)), None);
         let same = Resampling::default().compare(&spread(4, 0.0), &spread(4, 0.0)).unwrap();
-        assert_eq!((same.difference_interval, same.p_bootstrap), (None, 1.0));
+        assert_eq!((same.difference_interval, same.p_bootstrap), (None, None));
     }
 
     #[test]
     fn equal_systems_do_not_differ() {
         let same = Resampling::default().compare(&spread(50, 0.1), &spread(50, 0.1)).unwrap();
-        assert_eq!((same.difference, same.p_bootstrap, same.p_randomization), (0.0, 1.0, 1.0));
+        assert_eq!((same.difference, same.p_bootstrap, same.p_randomization), (0.0, Some(1.0), 1.0));
         assert_eq!(same.relative_percent, Some(100.0));
         assert_eq!(same.relative_interval, Some(Interval { low: 100.0, high: 100.0 }));
     }
@@ -255,7 +256,7 @@ mod tests {
     fn a_constant_gain_is_certain() {
         let gain = Resampling::default().compare(&spread(50, 0.2), &spread(50, 0.1)).unwrap();
         assert!((gain.difference - 0.1).abs() < 1e-12);
-        assert!(gain.p_bootstrap < 0.002 && gain.p_randomization < 0.002, "{gain:?}");
+        assert!(gain.p_bootstrap.unwrap() < 0.002 && gain.p_randomization < 0.002, "{gain:?}");
     }
 
     #[test]
@@ -264,7 +265,7 @@ mod tests {
         let gains: Vec<f64> = (0..100).map(|index| if index % 2 == 0 { 1.1 } else { -0.9 }).collect();
         let result = Resampling::default().compare(&values(gains), &values(vec![0.0; 100])).unwrap();
         // Two-sided probability of one standard error: 0.317.
-        assert!((result.p_bootstrap - 0.317).abs() < 0.06, "{result:?}");
+        assert!((result.p_bootstrap.unwrap() - 0.317).abs() < 0.06, "{result:?}");
         assert!((result.p_randomization - 0.317).abs() < 0.06, "{result:?}");
     }
 
@@ -294,7 +295,7 @@ mod tests {
         let ours = thrice.clone().clustered(&groups);
         let together = resampling.compare(&ours, &values(others).clustered(&groups)).unwrap();
         assert_eq!(alone.p_randomization, together.p_randomization);
-        assert!((alone.p_bootstrap - together.p_bootstrap).abs() < 1e-9);
+        assert!((alone.p_bootstrap.unwrap() - together.p_bootstrap.unwrap()).abs() < 1e-9);
         assert_eq!(resampling.compare(&ours, &thrice), Err(ComparisonError::OtherClusters));
     }
 

@@ -215,14 +215,11 @@ pub fn load_cell(
     compare(&folder, cell, &set, &settings, selected)?;
     let bundle = Bundle::load(&folder.join(BUNDLE), &selected.device)?;
     // Models of earlier versions were kept without the first frames of motions.
-    let bundle = match bundle.has_starts() {
-        true => bundle,
-        false => {
-            let learned = set.renormalized(&bundle.normalizer);
-            bundle.with_starts(&learned)
-        }
-    };
-    Ok((bundle, set))
+    if bundle.has_starts() {
+        return Ok((bundle, set));
+    }
+    let learned = set.renormalized(&bundle.normalizer);
+    Ok((bundle.with_starts(&learned), set))
 }
 
 #[cfg(test)]

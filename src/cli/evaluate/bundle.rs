@@ -5,6 +5,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::report::p_value;
 use super::{EvaluateArgs, SplitArg, report};
 use crate::cli::exit::{Exit, Failure, OrExit};
 use crate::cli::output;
@@ -231,7 +232,7 @@ impl Record<'_> {
                 against(score, &|other| ends(other.comparison.difference_interval))
             }));
             columns.push(column("p", Align::Right, &self.captions, |score| {
-                against(score, &|other| format!("{:.3}", other.comparison.p_bootstrap))
+                against(score, &|other| p_value(other.comparison.p_bootstrap))
             }));
         }
         text += &Table { columns }.render(width);

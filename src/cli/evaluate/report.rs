@@ -105,15 +105,11 @@ impl Report {
                     Align::Right,
                     compared(|comparison| interval(comparison.difference_interval)),
                 ),
-                self.column(
-                    "p boot",
-                    Align::Right,
-                    compared(|comparison| format!("{:.3}", comparison.p_bootstrap)),
-                ),
+                self.column("p boot", Align::Right, compared(|comparison| p_value(comparison.p_bootstrap))),
                 self.column(
                     "p rand",
                     Align::Right,
-                    compared(|comparison| format!("{:.3}", comparison.p_randomization)),
+                    compared(|comparison| p_value(Some(comparison.p_randomization))),
                 ),
                 self.column(
                     "relative %",
@@ -203,7 +199,7 @@ pub(super) fn write(
             text(record.interval.map(|ends| ends.low)),
             text(record.interval.map(|ends| ends.high)),
             text(record.paired_value),
-            text(comparison.map(|comparison| comparison.p_bootstrap)),
+            text(comparison.and_then(|comparison| comparison.p_bootstrap)),
             text(comparison.map(|comparison| comparison.p_randomization)),
             text(comparison.and_then(|comparison| comparison.relative_percent)),
             record.signature.to_string(),
@@ -223,4 +219,9 @@ pub(super) fn write(
     // Last, since it says that the folder is whole.
     write_file(&folder.join(JSON_FILE), &json)?;
     Ok(())
+}
+
+/// A p-value as text; a dash where there are too few segments for one.
+pub(super) fn p_value(p: Option<f64>) -> String {
+    p.map_or_else(|| "-".to_owned(), |p| format!("{p:.3}"))
 }

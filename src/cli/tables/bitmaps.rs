@@ -28,16 +28,25 @@ impl Bitmaps {
     /// Writes a figure as PNG beside the file of its SVG, if that was asked for.
     #[cfg(feature = "png")]
     pub fn write(&self, path: &Path, svg: &str) -> anyhow::Result<()> {
-        if let Some(bitmaps) = &self.bitmaps {
-            crate::manifest::write_file(&path.with_extension("png"), &bitmaps.png(svg)?)?;
+        let path = path.with_extension("png");
+        match &self.bitmaps {
+            Some(bitmaps) => crate::manifest::write_file(&path, &bitmaps.png(svg)?)?,
+            // One of earlier numbers must not stay beside the new picture.
+            None if path.exists() => std::fs::remove_file(&path)?,
+            None => {}
         }
         Ok(())
     }
 
-    /// Nothing was asked for.
+    /// Takes away a bitmap of earlier numbers.
     #[cfg(not(feature = "png"))]
-    #[expect(clippy::unused_self, clippy::unnecessary_wraps, reason = "as with the feature")]
-    pub fn write(&self, _: &Path, _: &str) -> anyhow::Result<()> {
+    #[expect(clippy::unused_self, reason = "as with the feature")]
+    pub fn write(&self, path: &Path, _: &str) -> anyhow::Result<()> {
+        let path = path.with_extension("png");
+        // One of earlier numbers must not stay beside the new picture.
+        if path.exists() {
+            std::fs::remove_file(&path)?;
+        }
         Ok(())
     }
 }

@@ -233,14 +233,14 @@ fn report(
             .or_failed()?;
     steps.finish();
     let write = |name: &str, text: &str| write_file(&args.out.join(name), text.as_bytes());
-    for (name, svg) in experiments::pictures(here, &rows, selected, &humanoid).or_failed()? {
-        write(name, &svg).or_failed()?;
-        bitmaps.write(&args.out.join(name), &svg).or_failed()?;
-    }
     write("samples.jsonl", &experiments::samples(grid, &rows).or_failed()?).or_failed()?;
     write("captions.md", &experiments::captions(grid, set, &rows, false)).or_failed()?;
     let tables = experiments::tables(grid, &rows);
     write("tables.md", &tables).or_failed()?;
+    for (name, svg) in experiments::pictures(here, &rows, selected, &humanoid).or_failed()? {
+        write(name, &svg).or_failed()?;
+        bitmaps.write(&args.out.join(name), &svg).or_failed()?;
+    }
     let record = experiments::record((grid, set), &selected.name, &rows, panel.absent());
     write(SCORES_FILE, &serde_json::to_string_pretty(&record).or_failed()?).or_failed()?;
     output::print(&tables).or_failed()?;

@@ -123,14 +123,15 @@ impl Performance {
         let score = |key: &str| {
             self.scores.get(key).map_or_else(|| "-".to_owned(), |value| crate::report::compact(*value))
         };
+        let fell = (self.scores.get("l2/survived") == Some(&0.0)).then(|| score("l2/time_to_fall"));
         let ended = match &self.outcome {
-            Outcome::Completed => String::new(),
+            Outcome::Completed => fell.map_or_else(String::new, |secs| format!(", fell at {secs} s")),
             Outcome::Failed { time_secs, reason } => format!(" until {time_secs:.2} s, when {reason}"),
         };
         // Writing to a string cannot fail.
         let _ = writeln!(
             text,
-            "     performed in rapier at level 2{ended}: {} mm from the pose commanded, assisted by {} % of body weight",
+            "     performed in rapier at level 2{ended}: joints {} mm from those commanded (seen from the root), assisted by {} % of body weight",
             score("l2/mpjpe_root"),
             score("l2/assist_mean"),
         );

@@ -3,6 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
+use anyhow::Context as _;
+
 use crate::cli::progress::Counter;
 use crate::dataset::WordVectors;
 use crate::translation::Translator;
@@ -31,8 +33,13 @@ impl<'a> Vectors<'a> {
         translator: &mut Translator,
         captions: impl IntoIterator<Item = &'c str>,
     ) -> anyhow::Result<()> {
+        // A file that is not there is told even where every word is known.
+        std::fs::metadata(self.path)
+            .with_context(|| format!("read the word vectors {}", self.path.display()))?;
         let unknown = self.new_words(translator, captions);
-        self.scan(translator, &unknown)
+        self.scan(translator, &unknown)?;
+        self.asked.extend(unknown);
+        Ok(())
     }
 
     /// The same where sentences come one after the other: the file is read once and kept as far as memory is allowed, so
@@ -42,6 +49,7 @@ impl<'a> Vectors<'a> {
         if unknown.is_empty() {
             return Ok(());
         }
+        let asked = unknown.clone();
         if self.kept.is_none() {
             let read = self.watched(|progress| WordVectors::read_first(self.path, MOST_BYTES, progress))?;
             self.kept = Some(read);
@@ -53,18 +61,21 @@ impl<'a> Vectors<'a> {
         let is_whole = kept.vectors.len() as u64 >= kept.num_words;
         let taken = WordVectors { dimensions: kept.dimensions, vectors: found, ..WordVectors::default() };
         translator.add_vectors(taken)?;
-        if is_whole { Ok(()) } else { self.scan(translator, &unknown) }
+        if !is_whole {
+            self.scan(translator, &unknown)?;
+        }
+        self.asked.extend(asked);
+        Ok(())
     }
 
     /// Words that are neither known nor looked up yet.
     fn new_words<'c>(
-        &mut self,
+        &self,
         translator: &Translator,
         captions: impl IntoIterator<Item = &'c str>,
     ) -> BTreeSet<String> {
         let mut unknown = translator.unknown_words(captions);
         unknown.retain(|word| !self.asked.contains(word));
-        self.asked.extend(unknown.iter().cloned());
         unknown
     }
 
