@@ -10,6 +10,7 @@ mod hold;
 mod library;
 mod low_pass;
 mod quality;
+mod rest;
 mod role;
 mod size;
 mod solver;
