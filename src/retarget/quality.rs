@@ -11,7 +11,7 @@ use crate::humanoid::{Humanoid, Side};
 use crate::motion::{JOINTS, Motion, NUM_JOINTS};
 
 /// A bone turned further than this from the source's is on its way to being flipped, radians,
-const FLIP_RAD: f64 = std::f64::consts::FRAC_PI_3;
+pub(super) const FLIP_RAD: f64 = std::f64::consts::FRAC_PI_3;
 /// and is flipped when it stays so for this long, seconds.
 const FLIP_SECS: f64 = 0.2;
 /// An angle this close to a limit is at it, radians.
