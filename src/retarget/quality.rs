@@ -224,7 +224,7 @@ impl Measured {
             }
             soles_before = soles;
         }
-        let own = Stance::of(&paths, motion.rate_hz());
+        let own = Stance::of(&paths, motion.rate_hz(), |_, _| true);
         let pairs = own.stands.iter().zip(&stance.stands);
         let agreeing: usize = pairs.map(|(a, b)| usize::from(a[0] == b[0]) + usize::from(a[1] == b[1])).sum();
         measured.agreement = agreeing as f64 / (2 * source.frames.len()) as f64;

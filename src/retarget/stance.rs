@@ -36,7 +36,8 @@ pub(super) struct Stance {
 }
 
 impl Stance {
-    pub(super) fn of(paths: &FootPaths, rate_hz: f64) -> Self {
+    /// `is_level` says of a frame and a foot whether its sole may lie flat, where that is known.
+    pub(super) fn of(paths: &FootPaths, rate_hz: f64, is_level: impl Fn(usize, usize) -> bool) -> Self {
         let count = paths.toes[0].len();
         let mut stance = Self {
             stands: vec![[false; 2]; count],
@@ -63,7 +64,7 @@ impl Stance {
                 let stands = toe[frame].z < toe_floor + TOE_HEIGHT_M && toe_speeds[frame] < TOE_SPEED_M_S;
                 let low = ankle[frame].z < floor + ANKLE_HEIGHT_M && ankle_speeds[frame] < ANKLE_SPEED_M_S;
                 stance.stands[frame][foot] = stands;
-                stance.flat[frame][foot] = stands && low;
+                stance.flat[frame][foot] = stands && low && is_level(frame, foot);
             }
             let standing: Vec<f64> = ankle
                 .iter()
@@ -135,11 +136,11 @@ mod tests {
 
     #[test]
     fn one_wrong_stance_takes_no_other_stance_away() {
-        let right = Stance::of(&walk(0.0), RATE_HZ);
+        let right = Stance::of(&walk(0.0), RATE_HZ, |_, _| true);
         let standing = right.stands.iter().filter(|stands| stands[0]).count();
         assert!((450..=520).contains(&standing), "{standing} of 800 frames");
         for fault_m in [0.03, 0.05, 0.08] {
-            let wrong = Stance::of(&walk(fault_m), RATE_HZ);
+            let wrong = Stance::of(&walk(fault_m), RATE_HZ, |_, _| true);
             for (frame, (right, wrong)) in right.flat.iter().zip(&wrong.flat).enumerate() {
                 let beside_the_fault = (395..=505).contains(&frame);
                 assert!(
@@ -152,5 +153,12 @@ mod tests {
                     && (wrong.ankle_height_m[1] - 0.07).abs() < 1e-6
             );
         }
+    }
+    #[test]
+    fn a_steep_sole_stands_but_not_flat() {
+        let steep = |frame: usize, foot: usize| foot == 1 || frame > 400;
+        let stance = Stance::of(&walk(0.0), RATE_HZ, steep);
+        assert!(stance.stands[30][0] && !stance.flat[30][0] && stance.flat[430][0]);
+        assert_eq!(stance.stands, Stance::of(&walk(0.0), RATE_HZ, |_, _| true).stands);
     }
 }

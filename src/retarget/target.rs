@@ -29,7 +29,7 @@ const ANKLE_WEIGHT: f64 = 10.0;
 const LEVEL_WEIGHT: f64 = 0.3;
 /// Largest turn by which the standing soles of a source are levelled, radians.
 const LARGEST_LEVELLING_RAD: f64 = 0.35;
-/// A sole turned further than this does not stand, whatever height and speed say, radians.
+/// A sole turned further than this does not stand flat, whatever height and speed say, radians.
 const NOT_STANDING_RAD: f64 = 0.8;
 /// Largest difference between the heights of the two ankles in stance that is taken for a matter of the source's feet;
 /// a larger one is a step of the floor, metres.
@@ -171,7 +171,9 @@ impl Plan {
             levelling: [UnitQuaternion::identity(); 2],
             toe_slopes_rad: [0.0; 2],
             corrections: vec![[Vector3::zeros(); 2]; source.frames.len()],
-            stance: Stance::of(&source.foot_paths(), source.rate_hz),
+            stance: Stance::of(&source.foot_paths(), source.rate_hz, |frame, foot| {
+                is_level(source, frame, foot)
+            }),
             ankle_height_m: proportions.ankle * humanoid.body.height_m,
             source_ankles_m: [0.0; 2],
             source_ankle_m: 0.0,
@@ -283,9 +285,6 @@ impl Plan {
             let floor = Vector3::new(median(0), median(1), median(2));
             let Some(turn) = UnitQuaternion::rotation_between(&floor, &Vector3::z()) else { continue };
             let angle = turn.angle();
-            if angle > NOT_STANDING_RAD {
-                continue;
-            }
             if angle <= LARGEST_LEVELLING_RAD {
                 self.levelling[foot] = turn;
             } else {
@@ -406,6 +405,13 @@ impl Plan {
             }
         }
     }
+}
+
+/// Whether a sole may lie flat on the floor; one whose orientation the source does not tell may.
+fn is_level(source: &Source, frame: usize, foot: usize) -> bool {
+    let segment = [Segment::LeftFoot, Segment::RightFoot][foot];
+    let up = source.frames[frame].axes[segment as usize][0];
+    up.z.is_nan() || up.z >= NOT_STANDING_RAD.cos()
 }
 
 /// A target direction; bones that have no length for a moment ask for nothing.
