@@ -87,6 +87,27 @@ impl Stance {
     }
 }
 
+impl Stance {
+    /// By frame and foot: 1 while it stands, falling smoothly to 0 at `reach` frames from the next frame in which it does.
+    pub(super) fn nearness(&self, reach: f64) -> Vec<[f64; 2]> {
+        let mut away = vec![[f64::INFINITY; 2]; self.stands.len()];
+        for foot in 0..2 {
+            let mut since = f64::INFINITY;
+            let mut pass = |frame: usize| {
+                since = if self.stands[frame][foot] { 0.0 } else { since + 1.0 };
+                away[frame][foot] = away[frame][foot].min(since);
+            };
+            (0..self.stands.len()).for_each(&mut pass);
+            (0..self.stands.len()).rev().for_each(&mut pass);
+        }
+        let share = |frames: f64| {
+            let far = (frames / reach.max(1.0)).min(1.0);
+            1.0 - far * far * (3.0 - 2.0 * far)
+        };
+        away.into_iter().map(|feet| feet.map(share)).collect()
+    }
+}
+
 fn heights(path: &[Vector3<f64>]) -> Vec<f64> {
     path.iter().map(|point| point.z).collect()
 }
@@ -160,5 +181,17 @@ mod tests {
         let stance = Stance::of(&walk(0.0), RATE_HZ, steep);
         assert!(stance.stands[30][0] && !stance.flat[30][0] && stance.flat[430][0]);
         assert_eq!(stance.stands, Stance::of(&walk(0.0), RATE_HZ, |_, _| true).stands);
+    }
+    #[test]
+    fn nearness_fades_on_either_side_of_a_stance() {
+        let stance = Stance {
+            stands: (0..9).map(|frame| [frame == 4, false]).collect(),
+            flat: vec![[false; 2]; 9],
+            ankle_height_m: [0.0; 2],
+        };
+        let near = stance.nearness(4.0);
+        let left: Vec<f64> = near.iter().map(|feet| feet[0]).collect();
+        assert_eq!(left, [0.0, 0.15625, 0.5, 0.84375, 1.0, 0.84375, 0.5, 0.15625, 0.0]);
+        assert!(near.iter().all(|feet| feet[1] == 0.0));
     }
 }
