@@ -90,16 +90,17 @@ impl Stance {
 impl Stance {
     /// By frame and foot: 1 while it stands, falling smoothly to 0 at `reach` frames from the next frame in which it does.
     pub(super) fn nearness(&self, reach: f64) -> Vec<[f64; 2]> {
-        let mut away = vec![[f64::INFINITY; 2]; self.stands.len()];
-        for foot in 0..2 {
-            let mut since = f64::INFINITY;
-            let mut pass = |frame: usize| {
-                since = if self.stands[frame][foot] { 0.0 } else { since + 1.0 };
-                away[frame][foot] = away[frame][foot].min(since);
-            };
-            (0..self.stands.len()).for_each(&mut pass);
-            (0..self.stands.len()).rev().for_each(&mut pass);
-        }
+        let count = self.stands.len();
+        let mut away = vec![[f64::INFINITY; 2]; count];
+        let mut since = [f64::INFINITY; 2];
+        let mut pass = |frame: usize| {
+            for ((away, since), stands) in away[frame].iter_mut().zip(&mut since).zip(self.stands[frame]) {
+                *since = if stands { 0.0 } else { *since + 1.0 };
+                *away = away.min(*since);
+            }
+        };
+        (0..count).for_each(&mut pass);
+        (0..count).rev().for_each(&mut pass);
         let share = |frames: f64| {
             let far = (frames / reach.max(1.0)).min(1.0);
             1.0 - far * far * (3.0 - 2.0 * far)

@@ -202,7 +202,9 @@ fn sweep(solver: &mut Solver<'_>, source: &Source, plan: &mut Plan, leads: &[Lea
                 neighbours[1] = (&after.angles, smooth);
             }
             towards(&mut prior, &neighbours);
-            leads.iter().for_each(|lead| lead.pull(index, &mut prior));
+            for lead in leads {
+                lead.pull(index, &mut prior);
+            }
             let mut least = solver.solve(&mut pose, &targets, &prior, SWEEP_STEPS);
             // Where a neighbour found another way to do the same, it is tried here too, so that changes of sides are few.
             // A source of our own body is followed as it is: it may well change sides.
