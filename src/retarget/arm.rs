@@ -278,7 +278,7 @@ mod tests {
         // The upper arm swings between down and forward while the forearm hangs behind it at a right angle.
         let directions: Vec<[Vector3<f64>; 2]> = (0..600)
             .map(|frame| {
-                let swing = 0.6 - 0.6 * (f64::from(frame) / 60.0).cos();
+                let swing = 0.35 - 0.35 * (f64::from(frame) / 60.0).cos();
                 [Vector3::new(0.0, swing.sin(), -swing.cos()), Vector3::new(0.0, -swing.cos(), -swing.sin())]
             })
             .collect();
