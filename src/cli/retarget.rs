@@ -21,7 +21,8 @@ What positions leave open:
   head     yaw and the second neck joint follow the source's head where it has an orientation, else rest at zero
   forearm  twist follows the source's hand where it has an orientation, else rests at zero
   wrist    as the forearm
-  toes     follow the source's toes where they have an orientation, else rest at zero; the midfoot rests at zero
+  toes     lie on the floor while the foot stands, else follow the source's where it has an orientation and rest at zero where it
+           has none; the midfoot rests at zero
   feet     soles are level in flat stance, on the floor in stance, and stay where they stand";
 
 /// Makes motions of the humanoid from motion capture of other skeletons.

@@ -6,13 +6,10 @@
 
 use nalgebra::{Matrix4, Rotation3, UnitQuaternion, Vector3, Vector4};
 
+use super::rest::{Rest, rests_of};
 use super::source::SourceFrame;
-use super::stance::{FootPaths, quantile, speeds};
+use super::stance::FootPaths;
 
-/// A toe joint that is slower than this for long enough rests on something, m/s,
-const REST_SPEED_M_S: f64 = 0.25;
-/// seconds.
-const REST_SECS: f64 = 0.1;
 /// Spread expected of the height of a resting toe, metres; rests far beyond it count ever less.
 const REST_SPREAD_M: f64 = 0.01;
 /// Slope expected of a floor, metres a metre: without rests that say otherwise it is level.
@@ -27,13 +24,6 @@ const LEVEL_M: f64 = 0.01;
 /// Share of the rests that must lie within two spreads of the floor found.
 const FITTING_SHARE: f64 = 0.7;
 const NUM_ROUNDS: usize = 10;
-
-/// Where a toe joint rests: whose (0 left, 1 right) and its median place, metres.
-#[derive(Debug, Clone, Copy)]
-struct Rest {
-    foot: usize,
-    place_m: Vector3<f64>,
-}
 
 /// A plane through the resting toes.
 #[derive(Debug, Clone, Copy)]
@@ -84,25 +74,6 @@ impl Floor {
             }
         }
     }
-}
-
-fn rests_of(foot: usize, toe: &[Vector3<f64>], rate_hz: f64) -> Vec<Rest> {
-    let slow: Vec<bool> = speeds(toe, rate_hz).iter().map(|speed| *speed < REST_SPEED_M_S).collect();
-    let least = ((REST_SECS * rate_hz).round() as usize).max(1);
-    // A foot that stands for long counts once a second, so that standing still outweighs no walk and is not lost.
-    let most = (rate_hz.round() as usize).max(least);
-    let mut rests = Vec::new();
-    let mut start = 0;
-    while start < toe.len() {
-        let end = (start..toe.len()).find(|&frame| !slow[frame]).unwrap_or(toe.len());
-        for run in toe[start..end].chunks(most).filter(|run| run.len() >= least) {
-            let median =
-                |axis: usize| quantile(&run.iter().map(|place| place[axis]).collect::<Vec<_>>(), 0.5);
-            rests.push(Rest { foot, place_m: Vector3::new(median(0), median(1), median(2)) });
-        }
-        start = end + 1;
-    }
-    rests
 }
 
 /// Slopes along x and y of the plane `z = height + foot offset + slope (x, y)`, and the error of every rest, metres.

@@ -12,8 +12,10 @@ use crate::humanoid::{Humanoid, Side};
 
 /// Largest horizontal correction, metres: a foot that slides further in the source slides in ours.
 const LARGEST_HOLD_M: f64 = 0.03;
-/// Largest vertical correction, metres.
-const LARGEST_LIFT_M: f64 = 0.04;
+/// Largest distance by which a foot is lowered to the floor, metres: one further up may stand on something,
+const LARGEST_LOWERING_M: f64 = 0.04;
+/// and by which it is raised, metres: nothing stands below the floor.
+const LARGEST_RAISE_M: f64 = 0.1;
 /// Time over which a correction fades in and out, seconds.
 const FADE_SECS: f64 = 0.1;
 
@@ -69,7 +71,7 @@ pub(super) fn hold_feet(
             }
             let level = Vector3::new(sum.x, sum.y, 0.0).cap_magnitude(LARGEST_HOLD_M);
             corrections[frame][foot] =
-                Vector3::new(level.x, level.y, sum.z.clamp(-LARGEST_LIFT_M, LARGEST_LIFT_M));
+                Vector3::new(level.x, level.y, sum.z.clamp(-LARGEST_LOWERING_M, LARGEST_RAISE_M));
         });
     }
 }

@@ -4,12 +4,14 @@
 //! Out: a [`Motion`] of a body as tall as the source's, and its [`Quality`].
 //! Nothing is read from files here, and physics is not consulted.
 
+mod arm;
 mod correspondence;
 mod floor;
 mod hold;
 mod library;
 mod low_pass;
 mod quality;
+mod rest;
 mod role;
 mod size;
 mod solver;
@@ -23,7 +25,7 @@ pub use library::{UnknownSkeleton, bundled, recognise};
 pub use quality::{BoneError, JointResidual, Quality};
 pub use role::{NUM_ROLES, Role, Segment};
 
-use crate::humanoid::Humanoid;
+use crate::humanoid::{Humanoid, Side};
 use crate::mocap::Clip;
 use crate::motion::{Body, Frame, JOINTS, Jump, Motion, MotionError, NUM_JOINTS};
 use crate::robot::RobotError;
@@ -134,7 +136,8 @@ pub fn retarget(
     body.mass_kg = options.mass_kg.unwrap_or(body.mass_kg);
     let humanoid = Humanoid::new(body)?;
     let plan = Plan::new(&humanoid, &source, correspondence, &proportions);
-    let Attempt { motion, jumps, quality } = best_attempt(&humanoid, &source, &plan, rate_hz)?;
+    let Attempt { motion, jumps, quality, led, .. } = best_attempt(&humanoid, &source, &plan)?;
+    notes.extend(led.into_iter().map(led_note));
     if let Some(note) = jump_note(&jumps) {
         notes.push(note);
     }
@@ -148,34 +151,68 @@ pub fn retarget(
 
 /// A clip solved one way.
 struct Attempt {
+    poses: Vec<Pose>,
     motion: Motion,
     jumps: Vec<Jump>,
     quality: Quality,
+    /// Sides whose arms were led.
+    led: Vec<Side>,
 }
 
-/// The first attempt without a flipped limb, or that with the fewest.
-fn best_attempt(
-    humanoid: &Humanoid,
-    source: &Source,
-    plan: &Plan,
-    rate_hz: f64,
-) -> Result<Attempt, MotionError> {
+impl Attempt {
+    fn new(humanoid: &Humanoid, source: &Source, plan: &Plan, poses: Vec<Pose>) -> Result<Self, MotionError> {
+        // An arm that circles changes sides somewhere (see `track`): the change is spread over some frames.
+        let (motion, jumps) = crate::motion::filter_jumps(&motion_of(humanoid, &poses, source.rate_hz)?);
+        let quality = Quality::of(humanoid, &motion, source, plan);
+        Ok(Self { poses, motion, jumps, quality, led: Vec::new() })
+    }
+
+    fn num_flipped(&self) -> usize {
+        self.quality.flipped.len()
+    }
+
+    /// Sides whose arms are flipped.
+    fn flipped_arms(&self) -> Vec<Side> {
+        let is_flipped = |side: &str| {
+            self.quality.flipped.iter().any(|bone| bone.starts_with(side) && bone.ends_with("arm"))
+        };
+        let sides = [("left", Side::Left), ("right", Side::Right)];
+        sides.into_iter().filter(|(name, _)| is_flipped(name)).map(|(_, side)| side).collect()
+    }
+}
+
+/// The first attempt without a flipped limb, or that with the fewest. Where none is without, arms that are flipped are led.
+fn best_attempt(humanoid: &Humanoid, source: &Source, plan: &Plan) -> Result<Attempt, MotionError> {
     let mut best: Option<Attempt> = None;
     for worthwhile in track::Worthwhile::ALL {
         let mut plan = plan.clone();
         let poses = track::track(humanoid, source, &mut plan, worthwhile);
-        // An arm that circles changes sides somewhere (see `track`): the change is spread over some frames.
-        let (motion, jumps) = crate::motion::filter_jumps(&motion_of(humanoid, &poses, rate_hz)?);
-        let quality = Quality::of(humanoid, &motion, source, &plan);
-        let flipped = quality.flipped.len();
-        if best.as_ref().is_none_or(|best| flipped < best.quality.flipped.len()) {
-            best = Some(Attempt { motion, jumps, quality });
+        let attempt = Attempt::new(humanoid, source, &plan, poses)?;
+        let done = attempt.num_flipped() == 0;
+        if best.as_ref().is_none_or(|best| attempt.num_flipped() < best.num_flipped()) {
+            best = Some(attempt);
         }
-        if flipped == 0 {
+        if done {
             break;
         }
     }
-    best.ok_or(MotionError::Empty)
+    let best = best.ok_or(MotionError::Empty)?;
+    let sides = best.flipped_arms();
+    let (mut plan, mut poses) = (plan.clone(), best.poses.clone());
+    if !sides.is_empty() && track::track_led(humanoid, source, &mut plan, &sides, &mut poses) {
+        let led = Attempt::new(humanoid, source, &plan, poses)?;
+        if led.num_flipped() < best.num_flipped() {
+            return Ok(Attempt { led: sides, ..led });
+        }
+    }
+    Ok(best)
+}
+
+fn led_note(side: Side) -> String {
+    let name = if side == Side::Left { "left" } else { "right" };
+    format!(
+        "the {name} arm bends as ours does not and would flip; it is led along the way that follows best over the whole clip"
+    )
 }
 
 /// How many jumps were spread, and where most of them were.

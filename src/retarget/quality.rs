@@ -11,7 +11,7 @@ use crate::humanoid::{Humanoid, Side};
 use crate::motion::{JOINTS, Motion, NUM_JOINTS};
 
 /// A bone turned further than this from the source's is on its way to being flipped, radians,
-const FLIP_RAD: f64 = std::f64::consts::FRAC_PI_3;
+pub(super) const FLIP_RAD: f64 = std::f64::consts::FRAC_PI_3;
 /// and is flipped when it stays so for this long, seconds.
 const FLIP_SECS: f64 = 0.2;
 /// An angle this close to a limit is at it, radians.
@@ -224,7 +224,7 @@ impl Measured {
             }
             soles_before = soles;
         }
-        let own = Stance::of(&paths, motion.rate_hz());
+        let own = Stance::of(&paths, motion.rate_hz(), |_, _| true);
         let pairs = own.stands.iter().zip(&stance.stands);
         let agreeing: usize = pairs.map(|(a, b)| usize::from(a[0] == b[0]) + usize::from(a[1] == b[1])).sum();
         measured.agreement = agreeing as f64 / (2 * source.frames.len()) as f64;

@@ -130,6 +130,10 @@ impl<'a> Solver<'a> {
         }
     }
 
+    pub(super) fn humanoid(&self) -> &'a Humanoid {
+        self.humanoid
+    }
+
     pub(super) fn clamp(&self, angle: usize, value: f64) -> f64 {
         value.clamp(self.lower[angle], self.upper[angle])
     }

@@ -192,8 +192,8 @@ impl Reader {
     }
 }
 
-/// Some converters begin with a pose of their own and blend into the recording within a few frames: while limbs turn
-/// faster than bodies do, the first frames are replaced by those after the first that does not, in reverse: the movement
+/// Some converters begin with a pose of their own and blend or jump into the recording within a few frames: all frames up
+/// to the last of these in which limbs turn faster than bodies do are replaced by those after it, in reverse: the movement
 /// keeps its speed where the recording begins.
 fn settle_start(frames: &mut [SourceFrame], rate_hz: f64, notes: &mut Vec<String>) {
     let limbs = [
@@ -209,8 +209,8 @@ fn settle_start(frames: &mut [SourceFrame], rate_hz: f64, notes: &mut Vec<String
         };
         limbs.into_iter().map(turn).fold(0.0, f64::max)
     };
-    let fast =
-        frames.windows(2).take(MAX_BLEND_FRAMES).take_while(|pair| speed(pair) > BLEND_SPEED_RAD_S).count();
+    let begin = &frames[..frames.len().min(MAX_BLEND_FRAMES + 1)];
+    let fast = begin.windows(2).rposition(|pair| speed(pair) > BLEND_SPEED_RAD_S).map_or(0, |pair| pair + 1);
     if fast > 0 && fast < frames.len() - 1 {
         let settled = frames[fast];
         for back in 1..=fast {
@@ -228,7 +228,7 @@ fn settle_start(frames: &mut [SourceFrame], rate_hz: f64, notes: &mut Vec<String
             }
         }
         notes.push(format!(
-            "limbs turn faster than bodies do in the first {fast} frames, which what follows frame {fast} replaces"
+            "limbs turn faster than bodies do within the first {fast} frames, which what follows frame {fast} replaces"
         ));
     }
 }
@@ -257,4 +257,56 @@ fn exchange_sides(frames: &mut [SourceFrame], notes: &mut Vec<String>) {
         }
     }
     notes.push("the toes point backwards, so left and right are taken for exchanged".to_owned());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A body that stands still but for its left upper arm, which hangs down and swings at 1 rad/s.
+    fn swinging(num_frames: usize, arm_rad: impl Fn(usize) -> f64) -> Vec<SourceFrame> {
+        (0..num_frames)
+            .map(|frame| {
+                let mut source = SourceFrame {
+                    centres: [-Vector3::z(); NUM_ROLES],
+                    axes: [[Vector3::z(); 2]; NUM_ORIENTED],
+                };
+                for role in [Role::LeftShoulder, Role::RightShoulder, Role::LeftHip, Role::RightHip] {
+                    source.centres[role.index()] = Vector3::zeros();
+                }
+                let arm = arm_rad(frame);
+                source.centres[Role::LeftElbow.index()] = Vector3::new(0.0, arm.sin(), -arm.cos());
+                source
+            })
+            .collect()
+    }
+
+    fn fastest_rad_s(frames: &[SourceFrame], rate_hz: f64) -> f64 {
+        let arm = |frame: &SourceFrame| frame.centre(Role::LeftElbow) - frame.centre(Role::LeftShoulder);
+        frames.windows(2).map(|pair| arm(&pair[0]).angle(&arm(&pair[1])) * rate_hz).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_start_that_jumps_after_some_frames_is_replaced_too() {
+        let rate_hz = 100.0;
+        for jump in 0..=7 {
+            let mut frames =
+                swinging(50, |frame| 0.01 * frame as f64 + if frame <= jump { 1.6 } else { 0.0 });
+            let recorded = frames[jump + 1..].to_vec();
+            let mut notes = Vec::new();
+            settle_start(&mut frames, rate_hz, &mut notes);
+            assert!((fastest_rad_s(&frames, rate_hz) - 1.0).abs() < 0.01, "jump after frame {jump}");
+            assert_eq!(notes.len(), 1);
+            let kept = frames[jump + 1..].iter().zip(&recorded);
+            assert!(kept.into_iter().all(|(a, b)| a.centre(Role::LeftElbow) == b.centre(Role::LeftElbow)));
+        }
+    }
+
+    #[test]
+    fn a_start_that_moves_as_bodies_do_is_left_alone() {
+        let mut frames = swinging(50, |frame| 0.1 * frame as f64);
+        let mut notes = Vec::new();
+        settle_start(&mut frames, 100.0, &mut notes);
+        assert!(notes.is_empty() && (fastest_rad_s(&frames, 100.0) - 10.0).abs() < 1e-6);
+    }
 }

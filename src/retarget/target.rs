@@ -25,11 +25,13 @@ use crate::humanoid::Humanoid;
 /// Weights of the tasks; a point counts by its distance, a direction by that of the end of a 0.3 m bone.
 const PELVIS_WEIGHT: f64 = 3.0;
 const ANKLE_WEIGHT: f64 = 10.0;
-/// A foot that stands where only positions are known: its sole is level.
+/// Toes of a foot that stands, and the foot itself where only positions are known: the sole is level.
 const LEVEL_WEIGHT: f64 = 0.3;
+/// Time in which toes come down before a stance and leave the floor after it, seconds.
+const TOES_FADE_SECS: f64 = 0.1;
 /// Largest turn by which the standing soles of a source are levelled, radians.
 const LARGEST_LEVELLING_RAD: f64 = 0.35;
-/// A sole turned further than this does not stand, whatever height and speed say, radians.
+/// A sole turned further than this does not stand flat, whatever height and speed say, radians.
 const NOT_STANDING_RAD: f64 = 0.8;
 /// Largest difference between the heights of the two ankles in stance that is taken for a matter of the source's feet;
 /// a larger one is a step of the floor, metres.
@@ -127,6 +129,8 @@ pub(super) struct Plan {
     /// Slope of the source's toes when its feet stand flat, radians, positive with the tip up (left, right).
     toe_slopes_rad: [f64; 2],
     stance: Stance,
+    /// How far the toes of each foot lie on the floor, flat foot or raised heel, by frame (0 to 1).
+    toes_lie: Vec<[f64; 2]>,
     corrections: Corrections,
     ankle_height_m: f64,
     /// Height of the standing ankle in the source, per foot and for both.
@@ -170,8 +174,11 @@ impl Plan {
             levels: [None; 2],
             levelling: [UnitQuaternion::identity(); 2],
             toe_slopes_rad: [0.0; 2],
+            toes_lie: vec![[0.0; 2]; source.frames.len()],
             corrections: vec![[Vector3::zeros(); 2]; source.frames.len()],
-            stance: Stance::of(&source.foot_paths(), source.rate_hz),
+            stance: Stance::of(&source.foot_paths(), source.rate_hz, |frame, foot| {
+                is_level(source, frame, foot)
+            }),
             ankle_height_m: proportions.ankle * humanoid.body.height_m,
             source_ankles_m: [0.0; 2],
             source_ankle_m: 0.0,
@@ -181,6 +188,7 @@ impl Plan {
         };
         plan.find_floor(correspondence);
         if !correspondence.same_body {
+            plan.toes_lie = plan.stance.nearness(TOES_FADE_SECS * source.rate_hz);
             plan.level_soles(source);
             plan.level_toes(source);
         }
@@ -211,6 +219,10 @@ impl Plan {
                     plan.tasks.push(Task { link: link(name), kind: Kind::Direction, local });
                 }
             }
+        }
+        if !correspondence.same_body {
+            let level = |name| Task { link: link(name), kind: Kind::Direction, local: Vector3::z() };
+            plan.tasks.extend(["left_toes", "right_toes"].map(level));
         }
         for (foot, (segment, name)) in
             [(Segment::LeftFoot, "left_foot"), (Segment::RightFoot, "right_foot")].into_iter().enumerate()
@@ -283,9 +295,6 @@ impl Plan {
             let floor = Vector3::new(median(0), median(1), median(2));
             let Some(turn) = UnitQuaternion::rotation_between(&floor, &Vector3::z()) else { continue };
             let angle = turn.angle();
-            if angle > NOT_STANDING_RAD {
-                continue;
-            }
             if angle <= LARGEST_LEVELLING_RAD {
                 self.levelling[foot] = turn;
             } else {
@@ -397,7 +406,16 @@ impl Plan {
                 Segment::RightToes if axis == 1 => self.levelled_toes(1, frame, forward),
                 _ => [up, forward][axis],
             };
-            targets.push(direction(value, weight));
+            let lies = match ORIENTED[number].0 {
+                Segment::LeftToes => self.toes_lie[index][0],
+                Segment::RightToes => self.toes_lie[index][1],
+                _ => 0.0,
+            };
+            targets.push(direction(value, weight * (1.0 - lies)));
+        }
+        if !self.same_body {
+            let lies = self.toes_lie[index];
+            targets.extend(lies.map(|lies| Target { value: Vector3::z(), weight: lies * LEVEL_WEIGHT }));
         }
         for (foot, level) in self.levels.iter().enumerate() {
             if level.is_some() {
@@ -406,6 +424,13 @@ impl Plan {
             }
         }
     }
+}
+
+/// Whether a sole may lie flat on the floor; one whose orientation the source does not tell may.
+fn is_level(source: &Source, frame: usize, foot: usize) -> bool {
+    let segment = [Segment::LeftFoot, Segment::RightFoot][foot];
+    let up = source.frames[frame].axes[segment as usize][0];
+    up.z.is_nan() || up.z >= NOT_STANDING_RAD.cos()
 }
 
 /// A target direction; bones that have no length for a moment ask for nothing.

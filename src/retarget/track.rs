@@ -6,17 +6,18 @@
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 
+use super::arm::{Arm, ArmAngles};
 use super::solver::{Kind, Pose, Prior, Solver, Target, Task};
 use super::source::Source;
 use super::target::Plan;
-use crate::humanoid::Humanoid;
+use crate::humanoid::{Humanoid, Side};
 use crate::motion::{NUM_JOINTS, joint_index};
 
 /// Pull of an angle towards rest, square metres per square radian; a full bone direction weighs 0.09.
 const REST_WEIGHT: f64 = 1e-4;
 /// Pull of an angle towards each neighbour in time at 100 Hz; it grows with the square of the rate.
 const SMOOTH_WEIGHT: f64 = 4e-3;
-const SMOOTH_RATE_HZ: f64 = 100.0;
+pub(super) const SMOOTH_RATE_HZ: f64 = 100.0;
 
 const FIRST_STEPS: usize = 60;
 const TRACK_STEPS: usize = 12;
@@ -27,6 +28,8 @@ const ESCAPE_RAD: f64 = 0.6;
 const ESCAPE_PAUSE_SECS: f64 = 0.3;
 const ESCAPE_STEPS: usize = 12;
 const NUM_SWEEPS: usize = 4;
+/// Pull of a led arm towards its way, square metres per square radian: bones that cannot be followed would pull it off.
+const LEAD_WEIGHT: f64 = 0.05;
 /// Neighbours that differ by this much in some angle do the same in different ways, radians.
 const OTHER_WAY_RAD: f64 = 0.3;
 
@@ -63,7 +66,7 @@ pub(super) fn track(
     let tasks = plan.tasks.clone();
     let mut solver = Solver::new(humanoid, &tasks);
     let mut targets: Vec<Target> = Vec::with_capacity(plan.tasks.len());
-    let smooth = SMOOTH_WEIGHT * (source.rate_hz / SMOOTH_RATE_HZ).powi(2);
+    let smooth = smooth_weight(source.rate_hz);
     let rest = Prior { center: [0.0; NUM_JOINTS], weight: [REST_WEIGHT; NUM_JOINTS] };
     let mut prior = rest.clone();
     let mut poses: Vec<Pose> = Vec::with_capacity(source.frames.len());
@@ -95,6 +98,95 @@ pub(super) fn track(
         };
         poses.push(pose);
     }
+    sweep(&mut solver, source, plan, &[], &mut poses);
+    poses
+}
+
+/// Pull of an angle towards each neighbour in time, square metres per square radian.
+pub(super) fn smooth_weight(rate_hz: f64) -> f64 {
+    SMOOTH_WEIGHT * (rate_hz / SMOOTH_RATE_HZ).powi(2)
+}
+
+/// Begins again from these poses with the arms of these sides led along their [best way](Arm::way); whether any could be.
+pub(super) fn track_led(
+    humanoid: &Humanoid,
+    source: &Source,
+    plan: &mut Plan,
+    sides: &[Side],
+    poses: &mut [Pose],
+) -> bool {
+    let tasks = plan.tasks.clone();
+    let mut solver = Solver::new(humanoid, &tasks);
+    let leads: Vec<Lead> =
+        sides.iter().filter_map(|&side| Lead::new(&mut solver, humanoid, source, side, poses)).collect();
+    for lead in &leads {
+        for (pose, angles) in poses.iter_mut().zip(&lead.way) {
+            for (angle, value) in lead.arm.angles.into_iter().zip(angles) {
+                pose.angles[angle] = solver.clamp(angle, *value);
+            }
+        }
+    }
+    if !leads.is_empty() {
+        sweep(&mut solver, source, plan, &leads, poses);
+    }
+    !leads.is_empty()
+}
+
+/// An arm and the way it is led along.
+struct Lead {
+    arm: Arm,
+    way: Vec<ArmAngles>,
+}
+
+impl Lead {
+    /// The best way at the thorax of these poses.
+    fn new(
+        solver: &mut Solver<'_>,
+        humanoid: &Humanoid,
+        source: &Source,
+        side: Side,
+        poses: &[Pose],
+    ) -> Option<Self> {
+        use super::Role;
+        let arm = Arm::of(humanoid, side)?;
+        let thorax = humanoid.robot.tree.link_index("thorax")?;
+        let [shoulder, elbow, wrist] = match side {
+            Side::Left => [Role::LeftShoulder, Role::LeftElbow, Role::LeftWrist],
+            Side::Right => [Role::RightShoulder, Role::RightElbow, Role::RightWrist],
+        };
+        let mut last = [-Vector3::z(); 2];
+        let directions: Vec<[Vector3<f64>; 2]> = poses
+            .iter()
+            .zip(&source.frames)
+            .map(|(pose, frame)| {
+                let world_from_thorax = solver.forward(pose)[thorax].rotation;
+                for (bone, (from, to)) in last.iter_mut().zip([(shoulder, elbow), (elbow, wrist)]) {
+                    let along = (frame.centre(to) - frame.centre(from)).try_normalize(1e-6);
+                    *bone = along.map_or(*bone, |along| world_from_thorax.inverse() * along);
+                }
+                last
+            })
+            .collect();
+        let way = arm.way(&directions, source.rate_hz)?;
+        Some(Self { arm, way })
+    }
+
+    /// Adds the pull towards the way in this frame to the prior.
+    fn pull(&self, frame: usize, prior: &mut Prior) {
+        for (angle, value) in self.arm.angles.into_iter().zip(self.way[frame]) {
+            let weight = prior.weight[angle] + LEAD_WEIGHT;
+            prior.center[angle] = (prior.center[angle] * prior.weight[angle] + value * LEAD_WEIGHT) / weight;
+            prior.weight[angle] = weight;
+        }
+    }
+}
+
+/// Solves every frame between its neighbours, to and fro.
+fn sweep(solver: &mut Solver<'_>, source: &Source, plan: &mut Plan, leads: &[Lead], poses: &mut [Pose]) {
+    let humanoid = solver.humanoid();
+    let smooth = smooth_weight(source.rate_hz);
+    let mut targets: Vec<Target> = Vec::with_capacity(plan.tasks.len());
+    let mut prior = Prior { center: [0.0; NUM_JOINTS], weight: [REST_WEIGHT; NUM_JOINTS] };
     for sweep in 0..NUM_SWEEPS {
         let placed = poses.iter().map(|pose| solver.forward(pose).to_vec());
         plan.hold_feet(humanoid, source.rate_hz, placed);
@@ -110,6 +202,9 @@ pub(super) fn track(
                 neighbours[1] = (&after.angles, smooth);
             }
             towards(&mut prior, &neighbours);
+            for lead in leads {
+                lead.pull(index, &mut prior);
+            }
             let mut least = solver.solve(&mut pose, &targets, &prior, SWEEP_STEPS);
             // Where a neighbour found another way to do the same, it is tried here too, so that changes of sides are few.
             // A source of our own body is followed as it is: it may well change sides.
@@ -128,7 +223,6 @@ pub(super) fn track(
             poses[index] = pose;
         }
     }
-    poses
 }
 
 /// Largest difference of an angle, radians.
