@@ -80,7 +80,7 @@ pub(super) struct TranslateArgs {
     /// As long as this motion
     #[arg(long, value_name = "PATH", conflicts_with = "length")]
     pub length_of: Option<PathBuf>,
-    /// Seconds made and left out at the beginning, while the model finds from its mean first frame into the movement
+    /// Seconds made and left out at the beginning, while the model finds from the first frame of a training motion into the movement
     /// [default: 0.5]
     #[arg(long, value_name = "SECONDS")]
     pub settle: Option<f64>,
