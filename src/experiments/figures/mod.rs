@@ -1,6 +1,6 @@
 //! The paper's figures as SVG.
 //!
-//! SVG is text and opens in every browser; with the feature `png` [`crate::report::Bitmaps`] makes bitmaps of it.
+//! SVG is text and opens in every browser; with the feature `png`, `report` makes bitmaps of it.
 
 mod curves;
 mod efficiency;
