@@ -4,7 +4,6 @@
 //! handed back every time, each page of 4 kB would be cleared and mapped anew, and the processor would look up thousands of
 //! page addresses at every step through time: together a fifth of an iteration.
 
-use std::marker::PhantomData;
 use std::ops::{Deref, DerefMut};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -98,7 +97,6 @@ pub(crate) struct Buffer<T: Number> {
     /// First number.
     start: usize,
     len: usize,
-    numbers: PhantomData<T>,
 }
 
 impl<T: Number> Buffer<T> {
@@ -117,7 +115,7 @@ impl<T: Number> Buffer<T> {
         match (bytes >= LARGE).then(|| Self::mapped(bytes, fill)).flatten() {
             Some((map, start)) => {
                 let start = start / size_of::<T>();
-                Self { storage: Storage::Large(Some(map)), start, len, numbers: PhantomData }
+                Self { storage: Storage::Large(Some(map)), start, len }
             }
             None => Self::small(len, fill.unwrap_or(0)),
         }
@@ -129,7 +127,7 @@ impl<T: Number> Buffer<T> {
             bytemuck::cast_slice_mut(&mut data).fill(fill);
         }
         let start = data.as_ptr().align_offset(LINE).min(LINE / size_of::<T>());
-        Self { storage: Storage::Small(data), start, len, numbers: PhantomData }
+        Self { storage: Storage::Small(data), start, len }
     }
 
     /// A map and the byte of it where the numbers begin; none when the system has no memory to map.
@@ -169,7 +167,7 @@ impl<T: Number> Drop for Buffer<T> {
 
 impl<T: Number> Clone for Buffer<T> {
     fn clone(&self) -> Self {
-        let mut clone = Self::zeros(self.len);
+        let mut clone = Self::unset(self.len);
         clone.copy_from_slice(self);
         clone
     }

@@ -58,8 +58,7 @@ impl<T: Number> Pieces<T> {
     }
 
     pub(crate) fn iter_mut(&mut self) -> impl Iterator<Item = &mut [T]> {
-        let length = self.length;
-        self.numbers.chunks_exact_mut(self.stride).map(move |piece| &mut piece[..length])
+        pieces(&mut self.numbers, self.length, self.stride)
     }
 
     pub(crate) fn par_iter(&self) -> impl IndexedParallelIterator<Item = &[T]> {
@@ -78,7 +77,7 @@ impl<T: Number> Pieces<T> {
     ) -> impl Iterator<Item = impl Iterator<Item = &mut [T]>> {
         let (length, stride) = (self.length, self.stride);
         let groups = self.numbers.chunks_mut(together * stride);
-        groups.map(move |group| group.chunks_exact_mut(stride).map(move |piece| &mut piece[..length]))
+        groups.map(move |group| pieces(group, length, stride))
     }
 
     /// Some pieces at a time, fewer at the end.
@@ -88,8 +87,13 @@ impl<T: Number> Pieces<T> {
     ) -> impl IndexedParallelIterator<Item = impl Iterator<Item = &mut [T]>> {
         let (length, stride) = (self.length, self.stride);
         let groups = self.numbers.par_chunks_mut(together * stride);
-        groups.map(move |group| group.chunks_exact_mut(stride).map(move |piece| &mut piece[..length]))
+        groups.map(move |group| pieces(group, length, stride))
     }
+}
+
+/// The first `length` of every `stride` numbers.
+fn pieces<T>(numbers: &mut [T], length: usize, stride: usize) -> impl Iterator<Item = &mut [T]> {
+    numbers.chunks_exact_mut(stride).map(move |piece| &mut piece[..length])
 }
 
 impl<T: Number> Index<usize> for Pieces<T> {
