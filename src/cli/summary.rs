@@ -53,12 +53,7 @@ pub(super) fn text(run: &Run, keys: &[&str], folder: &Path, width: usize) -> Str
         width,
     );
     let warnings = results.cases.iter().flat_map(|case| {
-        let doubts = case.levels.iter().flat_map(|level| {
-            level
-                .read_back_doubts
-                .iter()
-                .map(|doubt| format!("{}: {} read back: {doubt}", case.id, level.level))
-        });
+        let doubts = case.doubts().map(|(level, doubt)| format!("{}: {level} read back: {doubt}", case.id));
         let warnings = case.warnings.iter().map(|warning| format!("{}: {warning}", case.id));
         warnings.chain(doubts).collect::<Vec<_>>()
     });

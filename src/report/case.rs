@@ -154,6 +154,13 @@ impl CaseResult {
         self.levels.iter().find(|result| result.level == level)?.read_back.as_deref()
     }
 
+    /// Doubts about what is read back, and the level of each.
+    pub fn doubts(&self) -> impl Iterator<Item = (Level, &str)> {
+        self.levels
+            .iter()
+            .flat_map(|result| result.read_back_doubts.iter().map(|doubt| (result.level, doubt.as_str())))
+    }
+
     /// First caption, or nothing.
     #[must_use]
     pub fn caption(&self) -> &str {

@@ -74,8 +74,7 @@ pub fn notes(case: &CaseResult) -> Vec<Note> {
     if !falls.is_empty() {
         notes.push(note(NoteKind::Fell, format!("fell: {}", falls.join(", "))));
     }
-    let doubts: usize = case.levels.iter().map(|level| level.read_back_doubts.len()).sum();
-    match case.warnings.len() + doubts {
+    match case.warnings.len() + case.doubts().count() {
         0 => {}
         1 => notes.push(note(NoteKind::Doubt, "1 warning".to_owned())),
         count => notes.push(note(NoteKind::Doubt, format!("{count} warnings"))),
@@ -92,9 +91,7 @@ pub(super) fn held(support: &PropSupport) -> String {
 /// then events by level.
 pub(super) fn remarks(case: &CaseResult) -> Vec<(String, String)> {
     let warnings = case.warnings.iter().map(|warning| ("input".to_owned(), warning.clone()));
-    let doubts = case.levels.iter().flat_map(|level| {
-        level.read_back_doubts.iter().map(|doubt| (format!("{} read back", level.level), doubt.clone()))
-    });
+    let doubts = case.doubts().map(|(level, doubt)| (format!("{level} read back"), doubt.to_owned()));
     let events = case.levels.iter().flat_map(|level| {
         level
             .events

@@ -26,23 +26,17 @@ impl Bitmaps {
     }
 
     /// Writes a figure as PNG beside the file of its SVG, if that was asked for.
-    #[cfg(feature = "png")]
+    #[cfg_attr(
+        not(feature = "png"),
+        expect(clippy::unused_self, unused_variables, reason = "as with the feature")
+    )]
     pub fn write(&self, path: &Path, svg: &str) -> anyhow::Result<()> {
         let path = path.with_extension("png");
-        match &self.bitmaps {
-            Some(bitmaps) => crate::manifest::write_file(&path, &bitmaps.png(svg)?)?,
-            // One of earlier numbers must not stay beside the new picture.
-            None if path.exists() => std::fs::remove_file(&path)?,
-            None => {}
+        #[cfg(feature = "png")]
+        if let Some(bitmaps) = &self.bitmaps {
+            crate::manifest::write_file(&path, &bitmaps.png(svg)?)?;
+            return Ok(());
         }
-        Ok(())
-    }
-
-    /// Takes away a bitmap of earlier numbers.
-    #[cfg(not(feature = "png"))]
-    #[expect(clippy::unused_self, reason = "as with the feature")]
-    pub fn write(&self, path: &Path, _: &str) -> anyhow::Result<()> {
-        let path = path.with_extension("png");
         // One of earlier numbers must not stay beside the new picture.
         if path.exists() {
             std::fs::remove_file(&path)?;
