@@ -123,8 +123,13 @@ fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: usize>(
         _ => (operand.weights.as_ptr(), 0),
     };
     let weights = S::vectors(operand.weights);
-    for (panel, weights) in operand.left.panels.iter().zip(weights.chunks(WIDE * width)) {
-        let left = &panel[(operand.first_row + row) * width..][..M * width];
+    // Plain slices: an iterator over panels is a call that the compiler does not always put in place, and around a call it
+    // stores all sums.
+    let (numbers, stride) = operand.left.panels.numbers();
+    let mut at = (operand.first_row + row) * width;
+    for weights in weights.chunks(WIDE * width) {
+        let left = &numbers[at..][..M * width];
+        at += stride;
         // Bounded by a constant on one side and by the iterator on the other, the loop needs no checks; with any, the
         // compiler would store all sums at every turn.
         for (k, weights) in (0..width).zip(weights.chunks_exact(WIDE)) {
@@ -337,19 +342,25 @@ pub(crate) fn groups(runs: &[Run]) -> Vec<Vec<Run>> {
     groups
 }
 
-/// The sum over rows of left row times right row, for one wide panel of the right; adds to what is there.
-pub(crate) struct Outer<'a, T: Number> {
+/// The sum over rows of left row times right row, for a few wide panels of the right; adds to what is there.
+///
+/// The left matrix does not fit into the second cache: the more panels meet it at once, the less often it is fetched.
+pub(crate) struct Outer<'a, 'b, T: Number> {
     pub(crate) left: &'a Panels<T>,
-    /// One wide panel.
-    pub(crate) right: &'a [T],
     pub(crate) groups: &'a [Vec<Run>],
-    /// `[left column, 4 vectors]`.
-    pub(crate) sums: &'a mut [T],
-    /// `[4 vectors]`: the sum of the right rows alone.
-    pub(crate) right_sum: Option<&'a mut [T]>,
+    pub(crate) rights: &'a mut [Right<'b, T>],
 }
 
-impl<T: Number> Outer<'_, T> {
+/// A wide panel of the right and what becomes of it.
+pub(crate) struct Right<'a, T> {
+    pub(crate) panel: &'a [T],
+    /// `[left column, 4 vectors]`.
+    pub(crate) sums: &'a mut [T],
+    /// `[4 vectors]`: the sum of the rows alone.
+    pub(crate) total: Option<&'a mut [T]>,
+}
+
+impl<T: Number> Outer<'_, '_, T> {
     #[inline(always)]
     fn columns<S: Lanes<T>, const M: usize, const WIDTH: usize>(
         s: S,
@@ -384,32 +395,34 @@ impl<T: Number> Outer<'_, T> {
     }
 }
 
-impl<T: Number> Kernel<T> for Outer<'_, T> {
+impl<T: Number> Kernel<T> for Outer<'_, '_, T> {
     #[inline(always)]
     fn run<S: Lanes<T>>(self, s: S) {
-        let right = S::vectors(self.right);
-        let sums = S::vectors_mut(self.sums);
         let narrow = self.left.width == S::LANES;
         let ranges: Vec<_> = self.left.column_ranges().collect();
         for group in self.groups {
             for (index, (panel, range)) in self.left.panels.iter().zip(&ranges).enumerate() {
                 let next = self.left.panels.get(index + 1).unwrap_or(panel);
-                let sums = &mut sums[range.start * WIDE..range.end * WIDE];
-                blocks!(S, T, range.len(), |column, M| {
-                    let sums = &mut sums[column * WIDE..][..M * WIDE];
-                    if narrow {
-                        Self::columns::<S, M, 1>(s, panel, column, right, group, next, sums);
-                    } else {
-                        Self::columns::<S, M, WIDE>(s, panel, column, right, group, next, sums);
-                    }
-                });
+                for right in &mut *self.rights {
+                    let sums = &mut S::vectors_mut(right.sums)[range.start * WIDE..range.end * WIDE];
+                    let right = S::vectors(right.panel);
+                    blocks!(S, T, range.len(), |column, M| {
+                        let sums = &mut sums[column * WIDE..][..M * WIDE];
+                        if narrow {
+                            Self::columns::<S, M, 1>(s, panel, column, right, group, next, sums);
+                        } else {
+                            Self::columns::<S, M, WIDE>(s, panel, column, right, group, next, sums);
+                        }
+                    });
+                }
             }
         }
-        if let Some(total) = self.right_sum {
-            let total = S::vectors_mut(total);
+        for Right { panel, total, .. } in self.rights {
+            let Some(total) = total else { continue };
+            let (panel, total) = (S::vectors(panel), S::vectors_mut(total));
             let mut sum: [S::V; WIDE] = std::array::from_fn(|v| total[v]);
             for run in self.groups.iter().flatten() {
-                for right in right[run.right * WIDE..][..run.rows * WIDE].chunks_exact(WIDE) {
+                for right in panel[run.right * WIDE..][..run.rows * WIDE].chunks_exact(WIDE) {
                     for v in 0..WIDE {
                         sum[v] = s.add(sum[v], right[v]);
                     }

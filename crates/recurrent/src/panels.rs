@@ -49,6 +49,12 @@ impl<T: Number> Pieces<T> {
         self.count
     }
 
+    /// All numbers, and how many lie from the start of a piece to that of the next.
+    #[inline(always)]
+    pub(crate) fn numbers(&self) -> (&[T], usize) {
+        (&self.numbers, self.stride)
+    }
+
     pub(crate) fn get(&self, piece: usize) -> Option<&[T]> {
         (piece < self.count).then(|| &self[piece])
     }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 use rprae_lanes::Instructions;
 
-use crate::kernel::{Outer, Run, groups};
+use crate::kernel::{Outer, Right, Run, groups};
 use crate::lanes::Number;
 use crate::layer::History;
 use crate::panels::{Panels, WIDE};
@@ -64,6 +64,11 @@ pub(crate) struct Factors<'a, T: Number> {
     pub(crate) runs: Vec<Run>,
 }
 
+/// Wide panels of the right that meet the left at once: as many as leave every thread a few tasks.
+fn together(panels: usize) -> usize {
+    (panels / (4 * rayon::current_num_threads())).clamp(1, 4)
+}
+
 /// The sum over rows of left row times right row, one buffer for each wide panel of the right.
 fn outer<T: Number>(
     instructions: Instructions,
@@ -77,11 +82,21 @@ fn outer<T: Number>(
         Some(right_sums) => right_sums.iter_mut().map(Some).collect(),
         None => (0..right.panels.len()).map(|_| None).collect(),
     };
-    sums.par_iter_mut().zip(&mut right_sums).enumerate().for_each(|(panel, (sums, right_sum))| {
+    let together = together(right.panels.len());
+    let tasks = sums.par_groups_mut(together).zip(right_sums.par_chunks_mut(together));
+    tasks.enumerate().for_each(|(task, (sums, right_sums))| {
+        let mut sums: Vec<_> = sums.zip(right_sums).collect();
         for (factors, groups) in factors.iter().zip(&groups) {
-            let right_sum = right_sum.as_deref_mut();
-            let right = &factors.right.panels[panel];
-            T::run(instructions, Outer { left: factors.left, right, groups, sums, right_sum });
+            let mut rights: Vec<_> = sums
+                .iter_mut()
+                .enumerate()
+                .map(|(index, (sums, total))| Right {
+                    panel: &factors.right.panels[task * together + index],
+                    sums,
+                    total: total.as_deref_mut(),
+                })
+                .collect();
+            T::run(instructions, Outer { left: factors.left, groups, rights: &mut rights });
         }
     });
     sums
