@@ -42,6 +42,11 @@ const fn block_rows(registers: usize) -> usize {
     if registers >= 32 { M_MAX } else { 2 }
 }
 
+/// Lines of the next weights that a block asks for at every turn: with few blocks, more of them.
+fn lines_ahead(rows: usize, block_rows: usize) -> usize {
+    if rows.div_ceil(block_rows) < WIDE { 2 } else { 1 }
+}
+
 /// Calls `$body` with `$m` the number of rows of each block, blocks as even as they can be.
 macro_rules! blocks {
     ($s:ty, $t:ty, $rows:expr, |$row:ident, $m:ident| $body:expr) => {{
@@ -114,12 +119,13 @@ fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: usize>(
     mut sums: Block<S::V, M>,
     operand: Operand<'_, T>,
     row: usize,
+    lines: usize,
 ) -> Block<S::V, M> {
     let width = WIDTH * S::LANES;
-    // Each of the first four blocks asks for a quarter of the next weights, a line at every turn.
+    // A block asks for a quarter of the next weights, a line at every turn, or for half of them, until all are on their way.
     let block = row / M;
-    let (mut next, line) = match operand.next.get(operand.next.len() / WIDE * block..) {
-        Some(next) if block < WIDE => (next.as_ptr(), LINE / size_of::<T>()),
+    let (mut next, line) = match operand.next.get(operand.next.len() / WIDE * lines * block..) {
+        Some(next) if lines * block < WIDE => (next.as_ptr(), LINE / size_of::<T>()),
         _ => (operand.weights.as_ptr(), 0),
     };
     let weights = S::vectors(operand.weights);
@@ -133,8 +139,10 @@ fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: usize>(
         // Bounded by a constant on one side and by the iterator on the other, the loop needs no checks; with any, the
         // compiler would store all sums at every turn.
         for (k, weights) in (0..width).zip(weights.chunks_exact(WIDE)) {
+            // Where one line is due, the second is the same, and costs nothing.
             fetch(next);
-            next = next.wrapping_add(line);
+            fetch(next.wrapping_add((lines - 1) * line));
+            next = next.wrapping_add(lines * line);
             for m in 0..M {
                 let factor = s.splat(left[m * width + k]);
                 for v in 0..WIDE {
@@ -152,11 +160,12 @@ fn add_operand<T: Number, S: Lanes<T>, const M: usize>(
     sums: Block<S::V, M>,
     operand: Operand<'_, T>,
     row: usize,
+    lines: usize,
 ) -> Block<S::V, M> {
     if operand.left.width == S::LANES {
-        add_product::<T, S, M, 1>(s, sums, operand, row)
+        add_product::<T, S, M, 1>(s, sums, operand, row, lines)
     } else {
-        add_product::<T, S, M, WIDE>(s, sums, operand, row)
+        add_product::<T, S, M, WIDE>(s, sums, operand, row, lines)
     }
 }
 
@@ -192,17 +201,18 @@ impl<T: Number> Kernel<T> for Product<'_, '_, T> {
             Start::Bias(bias) => std::array::from_fn(|v| S::vectors(bias)[v]),
         };
         let operand = self.operand;
+        let lines = lines_ahead(self.rows, block_rows(S::REGISTERS));
         match self.target {
             Target::Wide(out) => {
                 let out = S::vectors_mut(out);
                 blocks!(S, T, self.rows, |row, M| {
-                    let sums = add_operand::<T, S, M>(s, [start; M], operand, row);
+                    let sums = add_operand::<T, S, M>(s, [start; M], operand, row, lines);
                     store(&sums, &mut out[row * WIDE..]);
                 });
             }
             Target::Narrow(panels) => {
                 blocks!(S, T, self.rows, |row, M| {
-                    let sums = add_operand::<T, S, M>(s, [start; M], operand, row);
+                    let sums = add_operand::<T, S, M>(s, [start; M], operand, row, lines);
                     let mut block = [sums[0][0]; WIDE * M_MAX];
                     store(&sums, &mut block);
                     for (v, panel) in panels.iter_mut().enumerate() {
@@ -242,6 +252,7 @@ impl<T: Number> Kernel<T> for Step<'_, T> {
         let gates = S::vectors_mut(self.gates);
         let (previous, cells) = S::vectors_mut(self.cells).split_at_mut(self.row);
         let (hidden, next) = (S::vectors_mut(self.hidden), S::vectors_mut(self.next));
+        let lines = lines_ahead(self.rows, block_rows(S::REGISTERS));
         blocks!(S, T, self.rows, |row, M| {
             let gates = &mut gates[row * WIDE..][..M * WIDE];
             let mut sums = match self.bias {
@@ -249,9 +260,9 @@ impl<T: Number> Kernel<T> for Step<'_, T> {
                 None => load(gates),
             };
             if let Some(input) = self.input {
-                sums = add_operand::<T, S, M>(s, sums, input, row);
+                sums = add_operand::<T, S, M>(s, sums, input, row, lines);
             }
-            sums = add_product::<T, S, M, 1>(s, sums, self.recurrent, row);
+            sums = add_product::<T, S, M, 1>(s, sums, self.recurrent, row, lines);
             store(&sums, gates);
         });
         let states = hidden.iter_mut().zip(next).zip(cells.iter_mut().zip(previous));
