@@ -318,7 +318,7 @@ fn cell(subjects: &[Subject], metric: &'static Metric, fault: Fault) -> Option<C
     Some(Cell {
         metric: metric.key,
         fault,
-        area: roc::area(&clean, &faulty)?,
+        area: roc::area(&clean, &faulty, resolution(metric))?,
         paired: 0.5 + (larger as f64 - smaller as f64) / (2.0 * pairs.len() as f64),
         num_values: [clean.len(), faulty.len()],
         num_clips: pairs.len(),

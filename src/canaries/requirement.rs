@@ -120,10 +120,12 @@ const SILENCES: [(Fault, &[&str]); 6] = [
 /// Scores of a rollout that contact decides. Inverse dynamics knows no direction of time, but contact does: it brakes a body
 /// whichever way it goes, so that a walk played backwards is held up where the walk itself was helped along. With commands that are
 /// mirror images in time, `MuJoCo` shows the same drift (`results/canaries.md`); no silence under reversal is required of these.
-const DECIDED_BY_CONTACT: [&str; 10] = [
+const DECIDED_BY_CONTACT: [&str; 12] = [
+    "l2/assist_impulse",
     "l2/assist_mean",
     "l2/contact_kept",
     "l2/edge_contact",
+    "l2/foot_slip",
     "l2/mpjpe_before_fall",
     "l2/mpjpe_world",
     "l2/power_peak",
