@@ -113,12 +113,15 @@ impl LanguageSettings {
 
     /// Checks every setting.
     pub(super) fn check(&self) -> Result<(), SettingsProblem> {
-        let outside = |name, found: String, expected| Err(SettingsProblem::Value { name, found, expected });
+        let outside = |name, found: String, expected| Err(SettingsProblem::value(name, &found, expected));
         if !(1..=MAX_N_BEST).contains(&self.n_best) {
             return outside("language.n_best", self.n_best.to_string(), "1 to 1000");
         }
         if !(0.0..=100.0).contains(&self.noise) {
             return outside("language.noise", self.noise.to_string(), "0 to 100");
+        }
+        if self.n_best > 1 && self.noise == 0.0 {
+            return outside("language.noise", "0".to_owned(), "more, or all motions of n_best are the same");
         }
         if let Some(secs) = self.length_secs.filter(|secs| !(0.1..=600.0).contains(secs)) {
             return outside("language.length_secs", secs.to_string(), "0.1 to 600 s");

@@ -75,14 +75,13 @@ pub enum SettingsProblem {
     /// The file cannot be read, or is not settings.
     #[error(transparent)]
     File(#[from] SettingsFileError),
-    /// A setting of the simulation is outside its range.
-    #[error(transparent)]
-    Simulation(#[from] SettingsError),
-    /// Another setting is outside its range.
-    #[error("setting {name} is {found}, expected {expected}")]
+    /// A setting is outside its range.
+    #[error("use the setting {name}{}: it is {found}, expected {expected}", of_file(.file.as_deref()))]
     Value {
-        /// Name of the setting.
-        name: &'static str,
+        /// The file that has it; absent where it is no file's.
+        file: Option<PathBuf>,
+        /// Name of the setting, with its tables.
+        name: String,
         /// Value found.
         found: String,
         /// What is accepted.
@@ -90,13 +89,41 @@ pub enum SettingsProblem {
     },
 }
 
+fn of_file(file: Option<&Path>) -> String {
+    file.map_or_else(String::new, |file| format!(" of {}", file.display()))
+}
+
+impl SettingsProblem {
+    pub(super) fn value(name: &str, found: &str, expected: &'static str) -> Self {
+        Self::Value { file: None, name: name.to_owned(), found: found.to_owned(), expected }
+    }
+
+    /// The same, of a setting that this file has.
+    fn of(self, path: &Path) -> Self {
+        match self {
+            Self::Value { name, found, expected, .. } => {
+                Self::Value { file: Some(path.to_owned()), name, found, expected }
+            }
+            of_file @ Self::File(_) => of_file,
+        }
+    }
+}
+
+impl From<SettingsError> for SettingsProblem {
+    fn from(SettingsError { name, found, expected }: SettingsError) -> Self {
+        Self::value(&format!("simulation.{name}"), &found.to_string(), expected)
+    }
+}
+
 impl RunSettings {
-    /// Reads settings; what the file leaves out keeps its default, what it adds is refused.
+    /// Reads and checks settings; what the file leaves out keeps its default, what it adds is refused.
     ///
     /// # Errors
     /// [`SettingsProblem`] names the file, the place and the reason.
     pub fn read(path: &Path) -> Result<Self, SettingsProblem> {
-        Ok(SettingsFile::open(path)?.parse()?)
+        let mut settings: Self = SettingsFile::open(path)?.parse()?;
+        settings.check().map_err(|problem| problem.of(path))?;
+        Ok(settings)
     }
 
     /// The settings as TOML.
@@ -104,11 +131,8 @@ impl RunSettings {
     /// # Errors
     /// [`SettingsProblem::Value`] when a value has no TOML form, such as a path that is not text.
     pub fn to_toml(&self) -> Result<String, SettingsProblem> {
-        toml::to_string_pretty(self).map_err(|error| SettingsProblem::Value {
-            name: "(settings)",
-            found: error.to_string(),
-            expected: "values that TOML can hold",
-        })
+        toml::to_string_pretty(self)
+            .map_err(|error| SettingsProblem::value("(any)", &error.to_string(), "values that TOML can hold"))
     }
 
     /// The same without the places of files whose checksums stand beside them.
@@ -135,27 +159,27 @@ impl RunSettings {
     pub fn check(&mut self) -> Result<(), SettingsProblem> {
         self.levels.sort_unstable();
         self.levels.dedup();
-        let outside = |name, found: String, expected| SettingsProblem::Value { name, found, expected };
+        let outside = SettingsProblem::value;
         if self.levels.is_empty() {
-            return Err(outside("levels", "empty".to_owned(), "some of L0, L1, L2, L3"));
+            return Err(outside("levels", "empty", "some of L0, L1, L2, L3"));
         }
         if self.limit == Some(0) {
-            return Err(outside("limit", "0".to_owned(), "at least 1"));
+            return Err(outside("limit", "0", "at least 1"));
         }
         if self.seed > i64::MAX as u64 {
-            return Err(outside("seed", self.seed.to_string(), "at most 9223372036854775807"));
+            return Err(outside("seed", &self.seed.to_string(), "at most 9223372036854775807"));
         }
         if let Some(rate_hz) = self.table.rate_hz.filter(|rate| !bounds::RATE_HZ.contains(rate)) {
-            return Err(outside("table.rate_hz", rate_hz.to_string(), "0.1 to 10000 Hz"));
+            return Err(outside("table.rate_hz", &rate_hz.to_string(), "0.1 to 10000 Hz"));
         }
         if let Some(height_m) = self.table.height_m.filter(|height| !bounds::HEIGHT_M.contains(height)) {
-            return Err(outside("table.height_m", height_m.to_string(), "0.3 to 3 m"));
+            return Err(outside("table.height_m", &height_m.to_string(), "0.3 to 3 m"));
         }
         if let Some(language) = &self.language {
             language.check()?;
         }
         if let Some(mass_kg) = self.mass_kg.filter(|mass| !bounds::MASS_KG.contains(mass)) {
-            return Err(outside("mass_kg", mass_kg.to_string(), "1 to 500 kg"));
+            return Err(outside("mass_kg", &mass_kg.to_string(), "1 to 500 kg"));
         }
         Ok(self.simulation.check()?)
     }
@@ -231,7 +255,9 @@ mod tests {
         let settings = RunSettings::read(&path).unwrap();
         assert_eq!((settings.levels, settings.simulation.friction), (vec![Level::L0], 0.5));
         assert_eq!(settings.simulation.pgs_iterations, 8);
-        for text in ["frictoin = 0.5", "[simulation]\nfrictoin = 0.5", "levels = [\"L9\"]", "levels = "] {
+        let bad =
+            ["frictoin = 0.5", "[simulation]\nfrictoin = 0.5", "levels = [\"L9\"]", "levels = ", "limit = 0"];
+        for text in bad {
             std::fs::write(&path, text).unwrap();
             let error = RunSettings::read(&path).unwrap_err().to_string();
             assert!(error.contains("settings.toml"), "{error}");
@@ -257,14 +283,14 @@ mod tests {
             }),
             ("levels", |settings| settings.levels.clear()),
             ("limit", |settings| settings.limit = Some(0)),
-            ("dt_secs", |settings| settings.simulation.dt_secs = f64::NAN),
+            ("simulation.dt_secs", |settings| settings.simulation.dt_secs = f64::NAN),
             ("table.rate_hz", |settings| settings.table.rate_hz = Some(-1.0)),
             ("table.height_m", |settings| settings.table.height_m = Some(1750.0)),
             ("mass_kg", |settings| settings.mass_kg = Some(0.0)),
         ];
         for (name, change) in bad {
             let message = checked(change).unwrap_err();
-            assert!(message.contains(name), "{message}");
+            assert!(message.starts_with(&format!("use the setting {name}: it is ")), "{message}");
         }
     }
 

@@ -129,7 +129,7 @@ impl ModelSettings {
 
 /// A setting outside its range.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("setting {name} is {found}, expected {expected}")]
+#[error("use the setting {name}: it is {found}, expected {expected}")]
 pub struct InvalidSetting {
     /// Name of the setting, as in the settings file.
     pub name: &'static str,

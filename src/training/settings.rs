@@ -166,6 +166,14 @@ pub enum SettingsProblem {
     /// A setting is outside its range.
     #[error(transparent)]
     Invalid(#[from] InvalidSetting),
+    /// A setting of a file is outside its range.
+    #[error("use the setting {} of {}: it is {}, expected {}", .setting.name, .path.display(), .setting.found, .setting.expected)]
+    InvalidIn {
+        /// The file.
+        path: PathBuf,
+        /// The setting.
+        setting: InvalidSetting,
+    },
 }
 
 impl RunSettings {
@@ -179,7 +187,7 @@ impl RunSettings {
         Self { preset, model, ..Self::default() }
     }
 
-    /// Settings of a file; what it leaves out is that of a preset, `preset` before the one the file names.
+    /// Checked settings of a file; what it leaves out is that of a preset, `preset` before the one the file names.
     ///
     /// # Errors
     /// [`SettingsProblem`] names the file, the place and the reason.
@@ -191,7 +199,11 @@ impl RunSettings {
         let mut table = toml::Table::try_from(Self::of(preset))?;
         merge(&mut table, file.parse()?);
         table.insert("preset".to_owned(), toml::Value::try_from(preset)?);
-        Ok(table.try_into().map_err(|error| file.fault(error))?)
+        let settings: Self = table.try_into().map_err(|error| file.fault(error))?;
+        settings
+            .invalid()
+            .map_err(|setting| SettingsProblem::InvalidIn { path: path.to_owned(), setting })?;
+        Ok(settings)
     }
 
     /// The settings as TOML.
@@ -207,6 +219,10 @@ impl RunSettings {
     /// # Errors
     /// [`SettingsProblem::Invalid`] names the first one outside its range.
     pub fn check(&self) -> Result<(), SettingsProblem> {
+        Ok(self.invalid()?)
+    }
+
+    fn invalid(&self) -> Result<(), InvalidSetting> {
         self.model.check()?;
         self.loss.check()?;
         let seed = self.seed;
