@@ -198,8 +198,11 @@ fn best_attempt(humanoid: &Humanoid, source: &Source, plan: &Plan) -> Result<Att
     }
     let best = best.ok_or(MotionError::Empty)?;
     let sides = best.flipped_arms();
+    if sides.is_empty() {
+        return Ok(best);
+    }
     let (mut plan, mut poses) = (plan.clone(), best.poses.clone());
-    if !sides.is_empty() && track::track_led(humanoid, source, &mut plan, &sides, &mut poses) {
+    if track::track_led(humanoid, source, &mut plan, &sides, &mut poses) {
         let led = Attempt::new(humanoid, source, &plan, poses)?;
         if led.num_flipped() < best.num_flipped() {
             return Ok(Attempt { led: sides, ..led });

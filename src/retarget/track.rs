@@ -33,6 +33,11 @@ const LEAD_WEIGHT: f64 = 0.05;
 /// Neighbours that differ by this much in some angle do the same in different ways, radians.
 const OTHER_WAY_RAD: f64 = 0.3;
 
+impl Prior {
+    /// The pull towards rest alone.
+    const REST: Self = Self { center: [0.0; NUM_JOINTS], weight: [REST_WEIGHT; NUM_JOINTS] };
+}
+
 /// How much better another way must be for an arm to take it.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Worthwhile {
@@ -67,8 +72,7 @@ pub(super) fn track(
     let mut solver = Solver::new(humanoid, &tasks);
     let mut targets: Vec<Target> = Vec::with_capacity(plan.tasks.len());
     let smooth = smooth_weight(source.rate_hz);
-    let rest = Prior { center: [0.0; NUM_JOINTS], weight: [REST_WEIGHT; NUM_JOINTS] };
-    let mut prior = rest.clone();
+    let mut prior = Prior::REST;
     let mut poses: Vec<Pose> = Vec::with_capacity(source.frames.len());
     let escapes = Escape::of_arms(humanoid, plan);
     let escape_pause = (ESCAPE_PAUSE_SECS * source.rate_hz).round() as usize;
@@ -78,7 +82,7 @@ pub(super) fn track(
         let pose = match poses.last() {
             None => {
                 let mut pose = first_pose(&solver, source, plan);
-                solver.solve(&mut pose, &targets, &rest, FIRST_STEPS);
+                solver.solve(&mut pose, &targets, &Prior::REST, FIRST_STEPS);
                 pose
             }
             Some(before) => {
@@ -88,7 +92,7 @@ pub(super) fn track(
                 let cost = solver.solve(&mut pose, &targets, &prior, TRACK_STEPS);
                 if index >= next_escape {
                     for escape in &escapes {
-                        if escape.attempt(&mut solver, &mut pose, worthwhile.limit(cost), &targets, &rest) {
+                        if escape.attempt(&mut solver, &mut pose, worthwhile.limit(cost), &targets) {
                             next_escape = index + escape_pause;
                         }
                     }
@@ -186,7 +190,7 @@ fn sweep(solver: &mut Solver<'_>, source: &Source, plan: &mut Plan, leads: &[Lea
     let humanoid = solver.humanoid();
     let smooth = smooth_weight(source.rate_hz);
     let mut targets: Vec<Target> = Vec::with_capacity(plan.tasks.len());
-    let mut prior = Prior { center: [0.0; NUM_JOINTS], weight: [REST_WEIGHT; NUM_JOINTS] };
+    let mut prior = Prior::REST;
     for sweep in 0..NUM_SWEEPS {
         let placed = poses.iter().map(|pose| solver.forward(pose).to_vec());
         plan.hold_feet(humanoid, source.rate_hz, placed);
@@ -268,14 +272,7 @@ impl Escape {
 
     /// Tries other starts when the arm points far off; the best that costs less than `limit` is taken; whether one was is
     /// returned.
-    fn attempt(
-        &self,
-        solver: &mut Solver<'_>,
-        pose: &mut Pose,
-        limit: f64,
-        targets: &[Target],
-        rest: &Prior,
-    ) -> bool {
+    fn attempt(&self, solver: &mut Solver<'_>, pose: &mut Pose, limit: f64, targets: &[Target]) -> bool {
         let target = targets[self.task];
         let direction = solver.forward(pose)[self.upper_arm].rotation * -Vector3::z();
         if target.weight <= 0.0 || direction.angle(&target.value) < ESCAPE_RAD {
@@ -289,7 +286,7 @@ impl Escape {
                     for (angle, value) in self.shoulder.into_iter().zip([x, z * self.side, y * self.side]) {
                         candidate.angles[angle] = solver.clamp(angle, value);
                     }
-                    let cost = solver.solve(&mut candidate, targets, rest, ESCAPE_STEPS);
+                    let cost = solver.solve(&mut candidate, targets, &Prior::REST, ESCAPE_STEPS);
                     if cost < least {
                         (best, least) = (Some(candidate), cost);
                     }
