@@ -5,8 +5,10 @@
 //! Nothing is read from files here, and physics is not consulted.
 
 mod arm;
+mod bones;
 mod correspondence;
 mod floor;
+mod footing;
 mod hold;
 mod library;
 mod low_pass;
@@ -145,7 +147,7 @@ pub fn retarget(
         return Err(RetargetError::Residual { residual_m: quality.pose_median_m });
     }
     notes.extend(source.notes);
-    notes.extend(plan.notes.iter().cloned());
+    notes.extend(plan.footing.notes.iter().cloned());
     Ok(Retargeted { motion, quality, skeleton: correspondence.name.clone(), notes })
 }
 

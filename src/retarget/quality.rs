@@ -150,7 +150,7 @@ impl Quality {
             source_slip_m_s: (!measured.source_slips.is_empty())
                 .then(|| quantile(&measured.source_slips, 0.5)),
             travel_ratio: travel_ratio(motion, source),
-            ground_shift_m: plan.ground_shift_m(),
+            ground_shift_m: plan.footing.ground_shift_m(),
             fastest_rad_s: fastest(motion),
         }
     }
@@ -181,7 +181,7 @@ impl Measured {
             bones: vec![Vec::new(); BONES.len()],
             ..Self::default()
         };
-        let stance = plan.stance();
+        let stance = &plan.footing.stance;
         let mut poses = Vec::new();
         let mut soles_before: Vec<Vector3<f64>> = Vec::new();
         let mut paths = FootPaths { toes: [Vec::new(), Vec::new()], ankles: [Vec::new(), Vec::new()] };
@@ -194,7 +194,7 @@ impl Measured {
             let ours = |role: Role| poses[links[role.index()]].translation.vector;
             let scaled = lengths.scaled(frame, &own.world_from_root());
             for role in Role::all().filter(|role| ROLES[role.index()].required) {
-                let theirs = frame.centre(role) + Vector3::z() * plan.ground_shift_m();
+                let theirs = frame.centre(role) + Vector3::z() * plan.footing.ground_shift_m();
                 let index = role.index();
                 measured.raw[index].push((ours(role) - theirs).norm());
                 measured.pose[index].push((ours(role) - scaled[index]).norm());
