@@ -64,15 +64,28 @@ fn kinematic_run(folder: &Path, out: &str) -> Output {
 fn wrong_usage_ends_with_two_and_says_why() {
     let folder = empty_folder();
     fs::write(folder.path().join("bad.toml"), "frictoin = 1.0\n").unwrap();
-    let cases: [(&[&str], &str); 8] = [
+    fs::write(folder.path().join("far.toml"), "[simulation]\nfriction = 50\n").unwrap();
+    fs::write(folder.path().join("a.xml"), "").unwrap();
+    let xml = ["--motions", "a.xml", "--levels", "L0"];
+    let cases: [(&[&str], &str); 16] = [
         (&["--frobnicate"], "--frobnicate"),
         (&["--levels", "L4"], "L0, L1, L2, L3"),
-        (&["--dt", "1"], "dt_secs"),
+        (&["--dt", "1"], "failed to use the setting simulation.dt_secs: it is 1, expected 0.00001 to 0.02 s"),
+        (&["--mass", "-3"], "failed to use the setting mass_kg: it is -3, expected 1 to 500 kg"),
+        (&["--seed", "-1"], "expected a whole number from 0 to 9223372036854775807"),
+        (&["--assist-limit", "20"], "20%"),
+        (
+            &["--config", "far.toml"],
+            "the setting simulation.friction of far.toml: it is 50, expected 0 to 10",
+        ),
+        (&["--rate", "50"], "--rate"),
+        (&[xml[0], xml[1], xml[2], xml[3], "--height", "1.6"], "--height"),
+        (&[xml[0], xml[1], xml[2], xml[3], "--skeleton", "s.toml"], "s.toml"),
         (&["--overwrite"], "--out"),
         (&["--config", "bad.toml"], "frictoin"),
         (&["--config", "missing.toml"], "missing.toml"),
         (&["--motions", "nowhere"], "nowhere"),
-        (&["--motions", "motions", "--levels", "L0", "--ids", "stand,walk"], "walk"),
+        (&["--motions", "motions", "--levels", "L0", "--ids", "stand,walk"], "motions has none called walk"),
     ];
     for (args, part) in cases {
         let output = eval_sim(args, folder.path());
@@ -139,8 +152,90 @@ fn a_bad_input_is_skipped_by_name_and_ends_with_three() {
     fs::write(folder.path().join("motions/torn.csv"), "1,2,3\n").unwrap();
     let output = kinematic_run(folder.path(), "run");
     assert_eq!(code(&output), 3, "{}", stderr(&output));
-    assert!(stdout(&output).contains("Skipped inputs (1):\n  torn: "), "{}", stdout(&output));
+    let reason = "torn (motions/torn.csv): line 1: found 3 columns, expected 50";
+    assert!(stdout(&output).contains(&format!("Skipped inputs (1):\n  {reason}\n")), "{}", stdout(&output));
+    assert!(stdout(&output).contains("\n1 case, 0 failed, 1 skipped; "), "{}", stdout(&output));
+    assert!(stderr(&output).contains("[2/2]") && !stderr(&output).contains(reason), "{}", stderr(&output));
+    let quiet = eval_sim(&[&KINEMATIC[..], &["--quiet"]].concat(), folder.path());
+    assert_eq!(stderr(&quiet), format!("skipped {reason}\n"), "without a summary it is told at once");
     assert!(fs::read_to_string(folder.path().join("run/report.md")).unwrap().contains("torn"));
+}
+
+#[test]
+fn a_wrong_selection_leaves_no_folder() {
+    let folder = empty_folder();
+    let typo = eval_sim(&[&KINEMATIC[..], &["--ids", "stnad", "--out", "run"]].concat(), folder.path());
+    assert_eq!(code(&typo), 2);
+    assert!(!folder.path().join("run").exists() && !folder.path().join("results").exists());
+    let typo = rprae(&["canaries", "--ids", "stnad", "--no-rollouts"], folder.path());
+    assert_eq!((code(&typo), stdout(&typo).as_str()), (2, ""));
+    assert!(stderr(&typo).contains("bundled has none called stnad"), "{}", stderr(&typo));
+}
+
+#[test]
+fn a_command_without_a_usable_input_ends_with_two_whatever_it_is() {
+    let folder = empty_folder();
+    let path = folder.path();
+    fs::write(path.join("motions/stand.csv"), "1,2,3\n").unwrap();
+    fs::write(path.join("torn.bvh"), "torn\n").unwrap();
+    let commands: [&[&str]; 5] = [
+        &["sim", "--motions", "motions", "--levels", "L0"],
+        &["lint", "motions"],
+        &["canaries", "--motions", "motions", "--no-rollouts"],
+        &["metrics", "--rosetta", "motions"],
+        &["retarget", "torn.bvh", "--out", "made"],
+    ];
+    for args in commands {
+        let output = rprae(args, path);
+        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
+    }
+}
+
+#[test]
+fn residuals_need_level_1_and_say_how_to_get_it() {
+    let folder = empty_folder();
+    assert_eq!(code(&kinematic_run(folder.path(), "run")), 0);
+    let refused = rprae(&["residuals", "run", "--out", "table.md"], folder.path());
+    assert_eq!((code(&refused), folder.path().join("table.md").exists()), (2, false));
+    assert!(stderr(&refused).contains("--levels L0,L1"), "{}", stderr(&refused));
+    let args = ["--motions", "motions", "--rate", "100", "--levels", "L0,L1", "--out", "both", "--quiet"];
+    assert_eq!(code(&eval_sim(&args, folder.path())), 0);
+    let told = rprae(&["residuals", "both", "--out", "table.md"], folder.path());
+    assert_eq!(code(&told), 0, "{}", stderr(&told));
+    assert!(fs::read_to_string(folder.path().join("table.md")).unwrap().contains("1 motion of motions"));
+}
+
+#[test]
+fn nothing_is_replaced_unasked() {
+    let folder = empty_folder();
+    let path = folder.path();
+    assert_eq!(code(&kinematic_run(path, "run")), 0);
+    fs::write(path.join("there"), "years of work").unwrap();
+    for args in [&["urdf", "--out", "there"], &["residuals", "run", "--out", "there"][..]] {
+        let refused = rprae(args, path);
+        assert_eq!(code(&refused), 2, "{args:?}");
+        assert!(stderr(&refused).contains("--overwrite"), "{args:?}: {}", stderr(&refused));
+        assert_eq!(fs::read_to_string(path.join("there")).unwrap(), "years of work");
+    }
+    assert_eq!(code(&rprae(&["urdf", "--out", "there", "--overwrite"], path)), 0);
+    assert!(fs::read_to_string(path.join("there")).unwrap().contains("<robot"));
+}
+
+#[test]
+fn there_is_nothing_to_resume_where_nothing_was_begun() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = rprae(&["train", "--out", "nowhere", "--resume"], folder.path());
+    assert_eq!((code(&refused), folder.path().join("nowhere").exists()), (2, false));
+    assert!(stderr(&refused).contains("resume the run in nowhere: there is none"), "{}", stderr(&refused));
+}
+
+#[test]
+fn options_of_a_model_do_not_go_with_hypotheses() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["evaluate", "--hypotheses", "a.txt", "--references", "b.txt", "--prepared", "set"];
+    let refused = rprae(&args, folder.path());
+    assert_eq!(code(&refused), 2);
+    assert!(stderr(&refused).contains("cannot be used with"), "{}", stderr(&refused));
 }
 
 #[test]
@@ -160,6 +255,7 @@ fn a_regression_ends_with_four() {
     let failed = gate("floating", &["--junit", "out/junit.xml", "--markdown", "out/report.md"]);
     assert_eq!(code(&failed), 4);
     assert!(stdout(&failed).contains("| stand | l0/float | worse |"), "{}", stdout(&failed));
+    assert!(!stdout(&failed).contains("| l0/skate |"), "it did not change: {}", stdout(&failed));
     assert_eq!(fs::read_to_string(path.join("out/report.md")).unwrap(), stdout(&failed));
     let junit = fs::read_to_string(path.join("out/junit.xml")).unwrap();
     assert!(junit.contains("failures=\"1\"") && junit.contains("l0/float: worse"), "{junit}");
@@ -169,6 +265,7 @@ fn a_regression_ends_with_four() {
     assert_eq!(code(&other), 0, "{}", stderr(&other));
     let refused = gate("other", &[]);
     assert_eq!(code(&refused), 2);
+    assert!(stderr(&refused).contains("(signature: dt:1/240s is not dt:1/480s)"), "{}", stderr(&refused));
     assert!(stderr(&refused).contains("--update"), "{}", stderr(&refused));
 
     // A file that is not there is no reason to compare with nothing.

@@ -237,7 +237,10 @@ fn unreadable_inputs_have_the_code_of_their_fault() {
 fn findings_are_written_for_people_programs_and_ci() {
     let linted = lint(&Dataset::bundled(), &|| ());
     let text = findings_text(&linted, Severity::Warning);
-    assert!(text.ends_with("15 motions, 12 clean; 0 errors, 4 warnings, 15 notes\n"), "{text}");
+    assert!(
+        text.ends_with("motions: 15, 12 clean; errors: 0, warnings: 4, notes: 15 (shown with --notes)\n"),
+        "{text}"
+    );
     assert!(text.contains("remedy: shift the root height"), "{text}");
     let json: serde_json::Value = serde_json::from_str(&findings_json(&linted).unwrap()).unwrap();
     assert_eq!((json["num_motions"].as_u64(), json["num_warnings"].as_u64()), (Some(15), Some(4)));

@@ -103,7 +103,7 @@ fn motions_learned_by_heart_are_told_by_their_captions() {
         assert_eq!(record["references"][0].as_str(), Some(caption));
     }
     let several = clean(&translate(&["--motion", "motions/90001_mmm.xml", "--n-best", "4"], TRAINED.path()));
-    assert_eq!(several.lines().filter(|line| line.trim_start().starts_with('-')).count(), 4, "{several}");
+    assert_eq!(several.lines().filter(|line| line.trim_start().starts_with("score")).count(), 4, "{several}");
     assert!(several.contains("reference: a person walks forward"), "{several}");
 }
 
@@ -170,6 +170,35 @@ fn a_batch_becomes_a_dataset_and_its_descriptions_can_be_scored() {
 }
 
 #[test]
+fn a_motion_that_cannot_be_written_is_no_sentence_that_is_skipped() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("sentences.txt"), "a person walks forward\nsomeone kicks a ball\n").unwrap();
+    // What is in the way cannot be replaced by a file.
+    fs::create_dir_all(folder.path().join("made/00002.xml")).unwrap();
+    let args = ["--captions", "sentences.txt", "--out", "made", "--overwrite"];
+    let failed = translate(&args, folder.path());
+    assert_eq!(failed.status.code(), Some(1), "{}", stderr(&failed));
+    let told = stderr(&failed);
+    assert!(told.contains("failed to write made/00002.xml: ") && !told.contains("skipped"), "{told}");
+}
+
+#[test]
+fn what_is_skipped_is_named_once_with_its_file_and_nothing_left_is_wrong_usage() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("torn.csv"), "1,2,3\n").unwrap();
+    fs::write(folder.path().join("sentences.txt"), "xyzzy\n").unwrap();
+    for (args, part) in [
+        (["--motions", "torn.csv"], "skipped torn (torn.csv): line 1: "),
+        (["--captions", "sentences.txt"], "skipped 00001 (sentences.txt): "),
+    ] {
+        let output = translate(&args, folder.path());
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        assert_eq!(stderr(&output).matches(part).count(), 1, "{}", stderr(&output));
+        assert_eq!(stderr(&output).matches("skipped").count(), 1, "{}", stderr(&output));
+    }
+}
+
+#[test]
 fn words_outside_the_vocabulary_are_noted_and_vectors_let_them_in() {
     let folder = tempfile::tempdir().unwrap();
     let vector: Vec<String> = (0..300).map(|index| format!("0.{}", index % 10)).collect();
@@ -213,10 +242,32 @@ fn lines_from_standard_input_are_translated_both_ways() {
 }
 
 #[test]
+fn physics_are_proved_once_for_all_lines() {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_rprae"))
+        .args(["translate", "--perform", "--length", "0.5", "--bundle", bundle().to_str().unwrap()])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let input = "a person walks forward\na person waves with the right hand\n";
+    child.stdin.take().unwrap().write_all(input.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text = String::from_utf8(output.stdout.clone()).unwrap();
+    assert_eq!(text.matches("performed in rapier").count(), 2, "{text}");
+    assert_eq!(stderr(&output).matches("self-test").count(), 1, "{}", stderr(&output));
+}
+
+#[test]
 fn wrong_usage_ends_with_two_and_says_why() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("empty.txt"), "\n").unwrap();
-    let cases: [(&[&str], &str); 10] = [
+    fs::write(folder.path().join("a.xml"), "").unwrap();
+    let cases: [(&[&str], &str); 13] = [
+        (&["--motions", "a.xml", "--rate", "100"], "--rate"),
+        (&["--motions", "a.xml", "--height", "1.6"], "--height"),
+        (&["a person walks", "--length-of", "a.xml", "--rate", "50"], "--rate"),
         (&["a person walks", "--out", "walk.gif"], ".mcap"),
         (&["--captions", "missing.txt"], "missing.txt"),
         (&["--captions", "empty.txt"], "no caption"),

@@ -8,13 +8,14 @@ use anyhow::{Context, anyhow};
 use clap::Args;
 use indicatif::ProgressBar;
 
-use super::exit::{Exit, Failure, OrExit};
-use super::output;
+use super::exit::{Exit, Failure, Inputs, OrExit};
+use super::{number, output, sim, summary};
 use crate::canaries::{self, Clip, Fault, Kind, Report, Verdict};
 use crate::dataset::{Dataset, OpenOptions};
+use crate::harness::Selection;
 use crate::manifest::write_file;
 use crate::plausibility::METRICS;
-use crate::report::{Align, Column, Table};
+use crate::report::{Align, Column, Table, counted};
 use crate::simulation::{Level, SimulationSettings};
 
 /// Ids of the bundled suite from which on motions are impossible on purpose.
@@ -32,9 +33,9 @@ pub(super) struct CanariesArgs {
     #[arg(long)]
     pub no_rollouts: bool,
     /// Seed of the jitter
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", value_parser = number::seed, default_value_t = 0)]
     pub seed: u64,
-    /// Also write the whole matrix as JSON
+    /// Also write the whole matrix as JSON; replaces the file
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     /// Print every metric, not only those that something is required of
@@ -48,16 +49,20 @@ pub(super) fn run(args: &CanariesArgs) -> Result<Exit, Failure> {
         None => Dataset::bundled(),
     };
     let bundled = args.motions.is_none();
-    let (mut clips, mut skipped) = (Vec::new(), dataset.skipped().len());
-    for entry in dataset.entries() {
-        let chosen = args.ids.is_empty() || args.ids.contains(&entry.id);
-        if !chosen || (bundled && entry.id.starts_with(FIRST_IMPOSSIBLE)) {
+    let name = args.motions.as_deref().map_or_else(|| summary::BUNDLED.to_owned(), sim::short_name);
+    let selection = Selection::of(&(name.as_str(), &dataset), &args.ids, None).or_usage()?;
+    for input in selection.skipped() {
+        eprintln!("skipped {input}");
+    }
+    let (mut clips, mut skipped) = (Vec::new(), selection.skipped().len());
+    for entry in selection.indices().map(|index| &dataset.entries()[index]) {
+        if bundled && entry.id.starts_with(FIRST_IMPOSSIBLE) {
             continue;
         }
         match dataset.load(entry) {
             Ok(sample) => clips.push(Clip { id: sample.id, motion: sample.motion }),
             Err(input) => {
-                eprintln!("skipped {}: {}", input.id, input.reason);
+                eprintln!("skipped {input}");
                 skipped += 1;
             }
         }
@@ -84,20 +89,20 @@ pub(super) fn run(args: &CanariesArgs) -> Result<Exit, Failure> {
     }
     output::print(&text(&report, args.all)).or_failed()?;
     let failed = if report.passed() { Exit::Clean } else { Exit::Failed };
-    Ok(failed.or_worse(if skipped > 0 { Exit::Skipped } else { Exit::Clean }))
+    Ok(failed.or_worse(Inputs { used: clips.len(), skipped }.exit()))
 }
 
 fn text(report: &Report, all: bool) -> String {
     let mut text = format!(
-        "{} clean motions, {} of them of locomotion; area under the ROC curve over windows of {} s (level 2: over motions),\n\
+        "{}, {} of them of locomotion; area under the ROC curve over windows of {} s (level 2: over motions),\n\
          then the share of motions whose mean grew. + required response, . required silence, ! requirement not met.\n\n",
-        report.clips.len(),
+        counted(report.clips.len(), "clean motion"),
         report.locomotion.len(),
         report.window_secs
     );
     text.push_str(&matrix(report, all).render(output::table_width()));
     let missed: Vec<&Verdict> = report.verdicts.iter().filter(|verdict| !verdict.holds).collect();
-    let _ = writeln!(text, "\n{} requirements, {} not met", report.verdicts.len(), missed.len());
+    let _ = writeln!(text, "\n{}, {} not met", counted(report.verdicts.len(), "requirement"), missed.len());
     for verdict in missed {
         let wanted = match verdict.requirement.kind {
             Kind::Larger { least } => format!("area and pairs >= {least}"),

@@ -1,15 +1,16 @@
 //! `rprae curve`: how motions fare as one condition gets harder.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use anyhow::{Context, anyhow};
 use clap::Args;
 
-use super::exit::{Exit, Failure, OrExit};
+use super::exit::{Exit, Failure, Inputs, OrExit};
 use super::sim::SimArgs;
-use super::{output, resolve, sim, summary};
-use crate::harness::{Condition, CurveSettings, HarnessError, Source, run_curve};
+use super::{number, output, resolve, sim, summary};
+use crate::harness::{Condition, CurveSettings, Selection, Source, run_curve};
 use crate::manifest::write_file;
 use crate::simulation::Level;
 
@@ -35,13 +36,13 @@ pub(super) struct CurveArgs {
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub ids: Option<Vec<String>>,
     /// Run at most this many motions, the first by id
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::count)]
     pub limit: Option<usize>,
-    /// Settings file (TOML), as for `rprae sim`
+    /// Settings file (TOML), as for rprae sim
     #[arg(long, value_name = "TOML")]
     pub config: Option<PathBuf>,
     /// Seed of everything random [default: 0]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::seed)]
     pub seed: Option<u64>,
     /// Worker threads [default: one a core]; results do not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -80,6 +81,7 @@ pub(super) fn run(args: &CurveArgs) -> Result<Exit, Failure> {
     let dataset = resolve::dataset(&settings).or_usage()?;
     let name = settings.motions.as_deref().map_or_else(|| summary::BUNDLED.to_owned(), sim::short_name);
     let source: &dyn Source = &(name.as_str(), &dataset);
+    let selection = Selection::of(source, &settings.ids, settings.limit).or_usage()?;
     let level = if args.unassisted { Level::L3 } else { Level::L2 };
     let curves: Vec<CurveSettings> = args
         .conditions
@@ -107,18 +109,13 @@ pub(super) fn run(args: &CurveArgs) -> Result<Exit, Failure> {
             let done = 1 + done.fetch_add(1, Ordering::Relaxed);
             eprintln!("[{} {done}] {id}", curve.condition.name());
         };
-        let (result, skipped) = match run_curve(source, &settings, curve, threads, &observe) {
-            Err(error @ (HarnessError::UnknownIds { .. } | HarnessError::NoMotions { .. })) => {
-                return Err(error).or_usage();
-            }
-            other => other.or_failed()?,
-        };
+        let (result, skipped) =
+            run_curve(source, &selection, &settings, curve, threads, &observe).or_failed()?;
         for input in &skipped {
-            eprintln!("skipped {}: {}", input.id, input.reason);
+            eprintln!("skipped {input}");
         }
-        if !skipped.is_empty() {
-            exit = exit.or_worse(Exit::Skipped);
-        }
+        let cases: BTreeSet<&str> = result.rollouts.iter().map(|rollout| rollout.case.as_str()).collect();
+        exit = exit.or_worse(Inputs { used: cases.len(), skipped: skipped.len() }.exit());
         if result.rollouts.iter().any(|rollout| rollout.failed) {
             exit = exit.or_worse(Exit::Failed);
         }
@@ -142,11 +139,6 @@ fn files(folder: &Path, condition: Condition) -> [PathBuf; 3] {
 
 /// Results are never overwritten unless asked.
 fn free(args: &CurveArgs, condition: Condition) -> anyhow::Result<()> {
-    let Some(folder) = args.out.as_deref().filter(|_| !args.overwrite) else { return Ok(()) };
-    match files(folder, condition).into_iter().find(|path| path.exists()) {
-        Some(path) => {
-            Err(anyhow!("write {}: it exists; choose another --out, or --overwrite", path.display()))
-        }
-        None => Ok(()),
-    }
+    let files = args.out.iter().flat_map(|folder| files(folder, condition));
+    files.into_iter().try_for_each(|path| output::check_free(&path, args.overwrite))
 }

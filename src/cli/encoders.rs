@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::exit::{Exit, Failure, OrExit};
+use super::exit::{Exit, Failure, OrExit, message};
 use super::output;
 use crate::evaluation::encoder::{Encoder, KNOWN_ENCODERS};
 
@@ -32,7 +32,7 @@ pub(super) fn run(args: &EncodersArgs) -> Result<Exit, Failure> {
         match check(folder) {
             Ok(text) => output::print(&format!("{}\n{text}", folder.display())).or_failed()?,
             Err(error) => {
-                eprintln!("{}: failed to {error}", folder.display());
+                eprintln!("{}: failed to {}", folder.display(), message(&error.into()));
                 exit = exit.or_worse(Exit::Usage);
             }
         }

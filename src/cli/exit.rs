@@ -42,6 +42,26 @@ impl Exit {
     }
 }
 
+/// What became of the inputs of a command: one rule for all of them.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Inputs {
+    /// Inputs that something was made of.
+    pub used: usize,
+    /// Inputs that could not be used.
+    pub skipped: usize,
+}
+
+impl Inputs {
+    /// [`Exit::Clean`] when none was skipped, [`Exit::Usage`] when all were, [`Exit::Skipped`] between.
+    pub fn exit(self) -> Exit {
+        match self {
+            Self { skipped: 0, .. } => Exit::Clean,
+            Self { used: 0, .. } => Exit::Usage,
+            _ => Exit::Skipped,
+        }
+    }
+}
+
 /// An error on its way out, with the code to leave with.
 #[derive(Debug)]
 pub(super) struct Failure {
@@ -67,9 +87,39 @@ impl<T, E: Into<anyhow::Error>> OrExit<T> for Result<T, E> {
     }
 }
 
+/// An error with its causes as one line, leaving out a cause that the text before it already tells.
+pub(super) fn message(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1) {
+        let cause = cause.to_string();
+        if !text.contains(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn causes_are_told_once() {
+        let error =
+            anyhow::anyhow!("no such file").context("read a.xml: no such file").context("open the suite");
+        assert_eq!(message(&error), "open the suite: read a.xml: no such file");
+        let error =
+            anyhow::anyhow!("no such file").context("read a.xml: no such file; name one with --config");
+        assert_eq!(message(&error), "read a.xml: no such file; name one with --config");
+    }
+
+    #[test]
+    fn inputs_that_are_all_skipped_are_no_inputs() {
+        let exit = |used, skipped| Inputs { used, skipped }.exit();
+        assert_eq!([exit(0, 0), exit(2, 0), exit(2, 1), exit(0, 1)], {
+            [Exit::Clean, Exit::Clean, Exit::Skipped, Exit::Usage]
+        });
+    }
 
     #[test]
     fn precedence_is_two_one_four_three() {

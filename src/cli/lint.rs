@@ -5,10 +5,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::Args;
 
-use super::exit::{Exit, Failure, OrExit};
-use super::output;
+use super::exit::{Exit, Failure, Inputs, OrExit};
 use super::progress::Counter;
-use crate::dataset::{Dataset, OpenOptions};
+use super::{motions, output};
+use crate::dataset::{Dataset, OpenOptions, Unstated};
 use crate::lint::{CHECKS, Severity, findings_json, findings_junit, findings_text, lint};
 use crate::manifest::write_file;
 
@@ -18,10 +18,10 @@ pub(super) struct LintArgs {
     /// Motions: a file, a folder, a zip in the KIT-ML layout or a manifest; the bundled suite when absent
     #[arg(value_name = "PATH")]
     pub motions: Option<PathBuf>,
-    /// Write the findings as JSON; `-` writes them to standard output instead of the text
+    /// Write the findings as JSON; - writes them to standard output instead of the text; replaces the file
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Write the findings as JUnit XML, one test a motion
+    /// Write the findings as JUnit XML, one test a motion; replaces the file
     #[arg(long, value_name = "FILE")]
     pub junit: Option<PathBuf>,
     /// End with exit code 1 when there is a warning
@@ -58,6 +58,11 @@ pub(super) fn run(args: &LintArgs) -> Result<Exit, Failure> {
         Some(path) => Dataset::open(path, &options).or_usage()?,
         None => Dataset::bundled(),
     };
+    let hints = [
+        ("--rate", args.rate.is_some(), Unstated::Rate),
+        ("--height", args.height.is_some(), Unstated::Height),
+    ];
+    motions::check_hints(&hints, &[&dataset]).or_usage()?;
     let (counter, done) = (Counter::new(args.quiet), AtomicUsize::new(0));
     let total = dataset.entries().len();
     let linted = lint(&dataset, &|| counter.show("linting", 1 + done.fetch_add(1, Ordering::Relaxed), total));
@@ -81,6 +86,7 @@ pub(super) fn run(args: &LintArgs) -> Result<Exit, Failure> {
     }
     let worst = linted.iter().filter_map(crate::lint::Linted::worst).max();
     let denied = args.deny_warnings && worst >= Some(Severity::Warning);
-    let refused = if worst == Some(Severity::Error) { Exit::Skipped } else { Exit::Clean };
-    Ok(refused.or_worse(if denied { Exit::Failed } else { Exit::Clean }))
+    let refused = linted.iter().filter(|one| one.worst() == Some(Severity::Error)).count();
+    let inputs = Inputs { used: linted.len() - refused, skipped: refused };
+    Ok(inputs.exit().or_worse(if denied { Exit::Failed } else { Exit::Clean }))
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use clap::Args;
 
-use super::exit::{Exit, Failure, OrExit};
+use super::exit::{Exit, Failure, Inputs, OrExit};
 use super::output;
 use super::summary::BUNDLED;
 use crate::dataset::{Dataset, OpenOptions};
@@ -23,7 +23,7 @@ pub(super) struct MetricsArgs {
     #[arg(long)]
     pub explain: bool,
     /// Print everything that calls itself penetration, float or skating side by side, for the motions of this path
-    /// (`bundled` for the suite); per-frame values hold at the motion's own rate
+    /// (bundled for the suite); per-frame values hold at the motion's own rate
     #[arg(long, value_name = "PATH", conflicts_with_all = ["keys", "explain"])]
     pub rosetta: Option<PathBuf>,
 }
@@ -85,7 +85,7 @@ fn rosetta(path: &Path) -> Result<Exit, Failure> {
                 rows.push((sample.id, kinematic_scores(&humanoid, &sample.motion)));
             }
             Err(input) => {
-                eprintln!("skipped {}: {}", input.id, input.reason);
+                eprintln!("skipped {input}");
                 skipped += 1;
             }
         }
@@ -113,7 +113,7 @@ fn rosetta(path: &Path) -> Result<Exit, Failure> {
         let table = Table { columns }.render(output::table_width());
         output::print(&format!("{table}\n")).or_failed()?;
     }
-    Ok(if skipped > 0 { Exit::Skipped } else { Exit::Clean })
+    Ok(Inputs { used: rows.len(), skipped }.exit())
 }
 
 fn unknown(key: &str) -> anyhow::Error {

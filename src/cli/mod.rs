@@ -14,6 +14,8 @@ mod exit;
 mod language;
 mod lint;
 mod metrics;
+mod motions;
+mod number;
 mod output;
 mod prepare;
 mod progress;
@@ -33,14 +35,14 @@ pub use exit::Exit;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 const EXIT_CODES: &str = "\
 Exit codes:
   0  clean
   1  the run failed, or a case did: a rollout ended non-finite or quarantined, or a result could not be written
-  2  wrong usage, or a dataset, baseline or results file that cannot be read
-  3  finished, but inputs were skipped
+  2  wrong usage, or a dataset, baseline or results file that cannot be read, or no input that can be used
+  3  finished, but some inputs were skipped
   4  regression
 When several apply: 2, then 1, then 4, then 3. A fall and a bad score are results, not failures.";
 
@@ -48,7 +50,7 @@ When several apply: 2, then 1, then 4, then 3. A fall and a bad score are result
 ///
 /// Without arguments it runs the bundled suite and writes everything to results/bundled-NNN.
 #[derive(Debug, Parser)]
-#[command(name = "eval-sim", version, after_help = EXIT_CODES)]
+#[command(name = "eval-sim", version)]
 struct EvalSim {
     #[command(flatten)]
     sim: sim::SimArgs,
@@ -56,7 +58,7 @@ struct EvalSim {
 
 /// Evaluation of language <-> whole-body motion models with a simulator in the loop.
 #[derive(Debug, Parser)]
-#[command(name = "rprae", version, after_help = EXIT_CODES)]
+#[command(name = "rprae", version)]
 struct Rprae {
     #[command(subcommand)]
     verb: Verb,
@@ -64,7 +66,7 @@ struct Rprae {
 
 #[derive(Debug, Subcommand)]
 enum Verb {
-    /// Run motions through the simulator and score them; the same as `eval-sim`
+    /// Run motions through the simulator and score them; the same as eval-sim
     Sim(Box<sim::SimArgs>),
     /// Train a model that translates between descriptions and motions
     Train(Box<train::TrainArgs>),
@@ -103,14 +105,14 @@ enum Verb {
 /// Runs `eval-sim` with the arguments of the process.
 #[must_use]
 pub fn eval_sim() -> ExitCode {
-    let EvalSim { sim } = EvalSim::parse();
+    let EvalSim { sim } = parse();
     finish(sim::run(&sim))
 }
 
 /// Runs `rprae` with the arguments of the process.
 #[must_use]
 pub fn rprae() -> ExitCode {
-    let Rprae { verb } = Rprae::parse();
+    let Rprae { verb } = parse();
     finish(match verb {
         Verb::Sim(args) => sim::run(&args),
         Verb::Train(args) => train::run(&args),
@@ -132,51 +134,78 @@ pub fn rprae() -> ExitCode {
     })
 }
 
+/// The arguments of the process; help, or wrong usage, ends it here.
+fn parse<T: CommandFactory + FromArgMatches>() -> T {
+    let mut command = complete(T::command());
+    let matches = command.get_matches_mut();
+    T::from_arg_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
+}
+
+/// What holds for every argument and subcommand alike.
+///
+/// - A negative number is a value, to be refused by its range, and not an unknown option.
+/// - `--help` tells the exit codes, after what it has to tell besides.
+fn complete(command: Command) -> Command {
+    let own = command.get_after_help().map(|text| format!("{text}\n\n")).unwrap_or_default();
+    command
+        .after_long_help(format!("{own}{EXIT_CODES}"))
+        .mut_args(|arg| if arg.get_action().takes_values() { arg.allow_negative_numbers(true) } else { arg })
+        .mut_subcommands(complete)
+}
+
 fn finish(outcome: Result<Exit, exit::Failure>) -> ExitCode {
     let exit = outcome.unwrap_or_else(|failure| {
-        eprintln!("error: failed to {}", message(&failure.error));
+        eprintln!("error: failed to {}", exit::message(&failure.error));
         failure.exit
     });
     ExitCode::from(exit.code())
 }
 
-/// An error with its causes, leaving out a cause that the text before it already ends with.
-fn message(error: &anyhow::Error) -> String {
-    let mut text = error.to_string();
-    for cause in error.chain().skip(1) {
-        let cause = cause.to_string();
-        if !text.ends_with(&cause) {
-            text = format!("{text}: {cause}");
-        }
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
+
+    /// Both programs and all subcommands.
+    fn commands() -> Vec<Command> {
+        let programs = [complete(EvalSim::command()), complete(Rprae::command())];
+        let subcommands: Vec<Command> = programs.iter().flat_map(Command::get_subcommands).cloned().collect();
+        programs.into_iter().chain(subcommands).collect()
+    }
 
     #[test]
     fn the_command_lines_are_sound() {
-        EvalSim::command().debug_assert();
-        Rprae::command().debug_assert();
+        for command in commands() {
+            command.debug_assert();
+        }
     }
 
     #[test]
-    fn causes_are_told_once() {
-        let error =
-            anyhow::anyhow!("no such file").context("read a.xml: no such file").context("open the suite");
-        assert_eq!(message(&error), "open the suite: read a.xml: no such file");
+    fn help_is_plain_text_and_tells_every_exit_code() {
+        for mut command in commands() {
+            let help = command.render_long_help().to_string();
+            assert!(!help.contains('`'), "{help}");
+            for exit in [Exit::Clean, Exit::Failed, Exit::Usage, Exit::Skipped, Exit::Regressed] {
+                assert!(help.contains(&format!("\n  {}  ", exit.code())), "{exit:?}: {help}");
+            }
+        }
     }
 
     #[test]
-    fn help_tells_every_exit_code() {
-        let mut help = Vec::new();
-        EvalSim::command().write_long_help(&mut help).unwrap();
-        let help = String::from_utf8(help).unwrap();
-        for exit in [Exit::Clean, Exit::Failed, Exit::Usage, Exit::Skipped, Exit::Regressed] {
-            assert!(help.contains(&format!("\n  {}  ", exit.code())), "{exit:?}");
+    fn a_negative_number_is_a_value_that_is_refused_by_its_range() {
+        for (line, part) in [
+            ("rprae sim --seed -1", "from 0 to 9223372036854775807"),
+            ("rprae sim --limit -1", "at least 1"),
+            ("rprae sim --threads -1", "-1 is not in 1..=1024"),
+            ("rprae translate walk --n-best -2", "-2 is not in 1..=1000"),
+            ("rprae train --out a --stage1-iterations -5", "at least 0"),
+        ] {
+            let refused = complete(Rprae::command()).try_get_matches_from(line.split(' ')).unwrap_err();
+            assert!(refused.to_string().contains(part), "{refused}");
+        }
+        for line in
+            ["rprae sim --mass -3 --dt -1", "rprae urdf --height -1", "rprae curve push --points -5,10"]
+        {
+            complete(Rprae::command()).try_get_matches_from(line.split(' ')).unwrap();
         }
     }
 }

@@ -1,7 +1,10 @@
-//! Standard output, and how to call this program again.
+//! Standard output, files that are not replaced, and how to call this program again.
 
 use std::ffi::OsStr;
 use std::io::{self, Write};
+use std::path::Path;
+
+use anyhow::bail;
 
 /// Widest table on a terminal that does not say how wide it is, and in a file.
 const DEFAULT_WIDTH: usize = 160;
@@ -15,6 +18,20 @@ pub(super) fn print(text: &str) -> io::Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// Refuses a file that is there already, unless it may be replaced: the rule of every `--out`.
+///
+/// Reports for other programs (`--json`, `--junit`, `--markdown`, `--report`) are replaced, as their help says: a gate writes them
+/// to the same place each time.
+pub(super) fn check_free(path: &Path, overwrite: bool) -> anyhow::Result<()> {
+    if path.exists() && !overwrite {
+        bail!(
+            "write {}: it is there already; choose another --out, or replace it with --overwrite",
+            path.display()
+        );
+    }
+    Ok(())
 }
 
 /// Width for tables on standard output.

@@ -6,8 +6,8 @@ use anyhow::anyhow;
 use clap::Args;
 
 use super::exit::{Exit, Failure, OrExit};
-use super::output;
 use super::progress::Counter;
+use super::{number, output};
 use crate::dataset::{Dataset, OpenOptions, default_cache_folder};
 use crate::features::prepare::{
     CaptionSource, MotionSource, PrepareError, PrepareSettings, SplitLists, Step, prepare,
@@ -33,7 +33,7 @@ pub(super) struct PrepareArgs {
     /// of their ids, the rest is learned from without motions; may be given several times
     #[arg(long, value_name = "PATH")]
     pub captions: Vec<PathBuf>,
-    /// Pretrained word vectors: word2vec .bin, `GloVe` or fastText text, also .gz
+    /// Pretrained word vectors: word2vec .bin, GloVe or fastText text, also .gz
     #[arg(long, value_name = "FILE")]
     pub vectors: Option<PathBuf>,
     /// Folder to write
@@ -44,13 +44,13 @@ pub(super) struct PrepareArgs {
     #[arg(long, value_name = "TOML")]
     pub config: Option<PathBuf>,
     /// Seed of the split and of the draws [default: 0]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::seed)]
     pub seed: Option<u64>,
     /// Pairs for stage 2, drawn from those of stage 1 [default: all]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::whole)]
     pub paired: Option<usize>,
     /// Pairs that stage 1 sees, unpaired [default: all of the training split]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::whole)]
     pub non_paired: Option<usize>,
     /// File of the motion ids to learn from, one a line, instead of a split by seed
     #[arg(long, value_name = "FILE", requires_all = ["split_validation", "split_test"])]

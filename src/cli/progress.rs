@@ -7,7 +7,10 @@ use std::sync::{Mutex, PoisonError};
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::harness::Progress;
-use crate::report::{CaseResult, shorten};
+use crate::report::shorten;
+
+/// Longest note about one input, columns.
+const LONGEST_NOTE: usize = 400;
 
 /// Standard error: a bar where a person watches, plain lines where not.
 pub(super) struct Screen {
@@ -77,29 +80,34 @@ impl Display {
                 }
             }
             Progress::Finished { case, resumed, secs } => {
-                let what = if resumed {
+                let mut what = if resumed {
                     "already finished".to_owned()
                 } else {
                     format!("{:.1} s of motion in {secs:.1} s", case.duration_secs)
                 };
-                self.step(&case.id, &what, failure(case));
+                if let Some(reason) = case.failures.first() {
+                    self.note_if_quiet("failed", &format!("{}: {reason}", case.id));
+                    what += ", failed";
+                }
+                self.step(&case.id, &what);
             }
             Progress::Skipped { input } => {
-                self.screen.note(&format!(
-                    "skipped {}: {}",
-                    shorten(&input.id, 40),
-                    shorten(&input.reason, 400)
-                ));
+                self.note_if_quiet("skipped", &input.to_string());
+                self.step(&input.id, "skipped");
             }
         }
     }
 
-    fn step(&self, id: &str, what: &str, failure: Option<&str>) {
+    /// What the summary of the run will tell is told at once only where there will be no summary.
+    fn note_if_quiet(&self, what: &str, of_whom: &str) {
+        if self.screen.quiet {
+            self.screen.note(&format!("{what} {}", shorten(of_whom, LONGEST_NOTE)));
+        }
+    }
+
+    fn step(&self, id: &str, what: &str) {
         let done = 1 + self.num_done.fetch_add(1, Ordering::Relaxed);
         let id = shorten(id, 40);
-        if let Some(reason) = failure {
-            self.screen.note(&format!("failed {id}: {}", shorten(reason, 400)));
-        }
         if let Some(bar) = &self.screen.bar {
             bar.set_message(id);
             bar.inc(1);
@@ -156,11 +164,7 @@ impl Counter {
     }
 }
 
-fn failure(case: &CaseResult) -> Option<&str> {
-    case.failures.first().map(String::as_str)
-}
-
-/// Shows how far a job of known length is; a line for each failure.
+/// Shows how far a job of known length is; a line for each input that is skipped.
 pub(super) struct Steps {
     screen: Screen,
     total: usize,
@@ -179,11 +183,11 @@ impl Steps {
         Self { screen, total, num_done: AtomicUsize::new(0) }
     }
 
-    /// Takes note that a step is done; called from worker threads.
-    pub(super) fn step(&self, name: &str, failure: Option<&str>) {
+    /// Takes note that a step is done, with the input it had to skip, if one is to be told; called from worker threads.
+    pub(super) fn step(&self, name: &str, skipped: Option<&str>) {
         let done = 1 + self.num_done.fetch_add(1, Ordering::Relaxed);
-        if let Some(reason) = failure {
-            self.screen.note(&format!("skipped {}: {}", shorten(name, 40), shorten(reason, 400)));
+        if let Some(input) = skipped {
+            self.screen.note(&format!("skipped {}", shorten(input, LONGEST_NOTE)));
         }
         match &self.screen.bar {
             Some(bar) => {

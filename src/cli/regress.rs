@@ -8,8 +8,8 @@ use clap::Args;
 use super::exit::{Exit, Failure, OrExit};
 use super::output;
 use crate::manifest::write_file;
-use crate::report::Results;
 use crate::report::regression::{Baseline, BaselineError, compare, comparison_junit, comparison_markdown};
+use crate::report::{Results, counted};
 
 #[derive(Debug, Args)]
 pub(super) struct RegressArgs {
@@ -22,10 +22,10 @@ pub(super) struct RegressArgs {
     /// Accept the run: write its values into the baseline, keeping tolerances set by hand
     #[arg(long)]
     pub update: bool,
-    /// Write the comparison as JUnit XML
+    /// Write the comparison as JUnit XML; replaces the file
     #[arg(long, value_name = "FILE")]
     pub junit: Option<PathBuf>,
-    /// Write the comparison as Markdown
+    /// Write the comparison as Markdown; replaces the file
     #[arg(long, value_name = "FILE")]
     pub markdown: Option<PathBuf>,
 }
@@ -60,10 +60,11 @@ fn update(args: &RegressArgs, results: &Results) -> Result<Exit, Failure> {
     };
     accepted.write(&args.baseline).or_failed()?;
     let mut text = comparison.as_ref().map(comparison_markdown).unwrap_or_default();
-    let (num_cases, num_metrics) = (accepted.cases.len(), accepted.metrics.len());
     let _ = writeln!(
         text,
-        "\nAccepted {num_cases} cases with {num_metrics} metrics into {}.",
+        "\nAccepted {} with {} into {}.",
+        counted(accepted.cases.len(), "case"),
+        counted(accepted.metrics.len(), "metric"),
         args.baseline.display()
     );
     if let Some(previous) = &previous {

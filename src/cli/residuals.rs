@@ -1,14 +1,15 @@
 //! `rprae residuals`: the table of level 1 over many motions, with reasons for the worst.
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
+use anyhow::bail;
 use clap::Args;
 
 use super::exit::{Exit, Failure, OrExit};
 use super::output;
 use crate::manifest::write_file;
-use crate::report::{CaseResult, MetricRecord, Results, compact};
+use crate::report::{CaseResult, MetricRecord, Results, compact, counted};
 
 /// Metrics of the distribution.
 const KEYS: [&str; 9] = [
@@ -31,13 +32,31 @@ pub(super) struct ResidualsArgs {
     /// Run folder or results.json with levels 0 and 1
     #[arg(value_name = "RUN")]
     pub run: PathBuf,
-    /// File to write; standard output when absent
+    /// File to write, with its folders; standard output when absent
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Replace the file that is there
+    #[arg(long, requires = "out")]
+    pub overwrite: bool,
+}
+
+/// What a run without level 1 lacks.
+fn check_levels(results: &Results, run: &Path) -> anyhow::Result<()> {
+    if results.cases.iter().any(|case| KEYS.iter().any(|key| case.score(key).is_some())) {
+        return Ok(());
+    }
+    bail!(
+        "find what inverse dynamics cannot explain in {}: no case has scores of level 1; run the motions again with --levels L0,L1",
+        run.display()
+    )
 }
 
 pub(super) fn run(args: &ResidualsArgs) -> Result<Exit, Failure> {
+    if let Some(path) = &args.out {
+        output::check_free(path, args.overwrite).or_usage()?;
+    }
     let results = Results::read(&args.run).or_usage()?;
+    check_levels(&results, &args.run).or_usage()?;
     let text = text(&results);
     match &args.out {
         Some(path) => write_file(path, text.as_bytes()).or_failed()?,
@@ -49,9 +68,9 @@ pub(super) fn run(args: &ResidualsArgs) -> Result<Exit, Failure> {
 fn text(results: &Results) -> String {
     let held = results.not_simulable().count();
     let mut text = format!(
-        "# Residual of inverse dynamics\n\n{} motions of {}, {held} of them not simulable and left out here, {} failed, {} skipped.\n\n\
+        "# Residual of inverse dynamics\n\n{} of {}, {held} of them not simulable and left out here, {} failed, {} skipped.\n\n\
          | metric | n | min | 10 % | 25 % | median | 75 % | 90 % | max |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|\n",
-        results.cases.len(),
+        counted(results.cases.len(), "motion"),
         results.dataset,
         results.num_failed(),
         results.skipped.len(),

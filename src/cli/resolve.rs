@@ -66,17 +66,6 @@ pub(super) fn joint_form(text: &str) -> Result<JointForm, String> {
     }
 }
 
-/// A number, or one number divided by another: `1/480`.
-pub(super) fn fraction(text: &str) -> Result<f64, String> {
-    let number = |part: &str| {
-        part.trim().parse::<f64>().map_err(|_| "expected a number or a fraction such as 1/480".to_owned())
-    };
-    match text.split_once('/') {
-        Some((above, below)) => Ok(number(above)? / number(below)?),
-        None => number(text),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -107,15 +96,6 @@ mod tests {
         let refused = |args: SimArgs| settings(&args).unwrap_err().to_string();
         assert!(refused(SimArgs { dt: Some(0.0), ..SimArgs::default() }).contains("dt_secs"));
         assert!(refused(SimArgs { limit: Some(0), ..SimArgs::default() }).contains("limit"));
-    }
-
-    #[test]
-    fn steps_may_be_fractions() {
-        assert_eq!(fraction("1/480"), Ok(1.0 / 480.0));
-        assert_eq!(fraction("0.002"), Ok(0.002));
-        assert!(fraction("one").is_err());
-        // A division by zero is caught by the range of the setting.
-        assert_eq!(fraction("1/0"), Ok(f64::INFINITY));
     }
 
     #[test]

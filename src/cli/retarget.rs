@@ -1,16 +1,18 @@
 //! `rprae retarget`: motion capture to motions of the humanoid, with a report of how well they follow.
 
+use std::io;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 
-use super::exit::{Exit, Failure, OrExit};
-use super::output;
+use super::exit::{Exit, Failure, Inputs, OrExit};
 use super::progress::Steps;
+use super::{motions, number, output};
 use crate::dataset::mmm::write_mmm;
-use crate::dataset::{Dataset, Entry, OpenOptions, Skipped};
+use crate::dataset::{Dataset, Entry, OpenOptions, Skipped, Unstated};
+use crate::manifest::write_file;
 use crate::motion::Motion;
 use crate::report::retargeting::{ClipRow, Report};
 use crate::retarget::Correspondence;
@@ -28,7 +30,7 @@ What positions leave open:
 /// Makes motions of the humanoid from motion capture of other skeletons.
 ///
 /// Reads BVH, AMC with its ASF, and joint positions as .npy or .npz in the 21-joint order of KIT-ML or the 22-joint
-/// order of `HumanML3D`, as files, folders, zips or JSONL manifests.
+/// order of HumanML3D, as files, folders, zips or JSONL manifests.
 #[derive(Debug, Args)]
 #[command(after_help = RULES)]
 pub(super) struct RetargetArgs {
@@ -41,7 +43,7 @@ pub(super) struct RetargetArgs {
     /// How motions are written
     #[arg(long, value_enum, default_value_t = Form::Xml)]
     form: Form,
-    /// Write the report of every clip to this file (JSON)
+    /// Write the report of every clip to this file (JSON); replaces the file
     #[arg(long, value_name = "FILE")]
     report: Option<PathBuf>,
     /// Correspondence file (TOML) instead of recognising the skeleton by its joint names
@@ -54,7 +56,7 @@ pub(super) struct RetargetArgs {
     #[arg(long, value_name = "KG")]
     mass: Option<f64>,
     /// Retarget at most this many clips of each input, the first by id
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::count)]
     limit: Option<usize>,
     /// Replace motions that are there already
     #[arg(long)]
@@ -99,6 +101,11 @@ pub(super) fn run(args: &RetargetArgs) -> Result<Exit, Failure> {
             None => dataset,
         });
     }
+    let hints = [
+        ("--rate", args.rate.is_some(), Unstated::Rate),
+        ("--skeleton", args.skeleton.is_some(), Unstated::Skeleton),
+    ];
+    motions::check_hints(&hints, &Vec::from_iter(&datasets)).or_usage()?;
     let work: Vec<(&Dataset, &Entry)> = datasets
         .iter()
         .flat_map(|dataset| {
@@ -117,15 +124,23 @@ pub(super) fn run(args: &RetargetArgs) -> Result<Exit, Failure> {
         .or_failed()?;
 
     let steps = Steps::new(args.quiet, work.len());
-    let outcomes: Vec<Result<ClipRow, Skipped>> = work
+    let outcomes: Result<Vec<Result<ClipRow, Skipped>>, io::Error> = work
         .par_iter()
         .map(|(dataset, entry)| {
-            let outcome = one(dataset, entry, args);
-            steps.step(&entry.id, outcome.as_ref().err().map(|skipped| skipped.reason.as_str()));
-            outcome
+            let outcome = one(dataset, entry, args)?;
+            // The report tells what was skipped; without it, it is told at once.
+            let skipped = outcome.as_ref().err().filter(|_| args.quiet).map(ToString::to_string);
+            steps.step(&entry.id, skipped.as_deref());
+            Ok(outcome)
         })
         .collect();
     steps.finish();
+    if args.quiet {
+        for input in datasets.iter().flat_map(|dataset| dataset.skipped()) {
+            eprintln!("skipped {input}");
+        }
+    }
+    let outcomes = outcomes.or_failed()?;
 
     let mut report = Report::default();
     report.skipped.extend(datasets.iter().flat_map(|dataset| dataset.skipped().to_vec()));
@@ -136,28 +151,34 @@ pub(super) fn run(args: &RetargetArgs) -> Result<Exit, Failure> {
         }
     }
     if let Some(path) = &args.report {
-        std::fs::write(path, report.to_json())
-            .with_context(|| format!("write the report {}", path.display()))
-            .or_failed()?;
+        write_file(path, report.to_json().as_bytes()).or_failed()?;
     }
     if !args.quiet {
         output::print(&report.to_text()).or_failed()?;
     }
-    Ok(if report.skipped.is_empty() { Exit::Clean } else { Exit::Skipped })
+    Ok(Inputs { used: report.clips.len(), skipped: report.skipped.len() }.exit())
 }
 
-fn one(dataset: &Dataset, entry: &Entry, args: &RetargetArgs) -> Result<ClipRow, Skipped> {
-    let skipped = |reason: String| Skipped { id: entry.id.clone(), source: entry.source.clone(), reason };
-    let retargeted = dataset
-        .retarget(entry)?
-        .ok_or_else(|| skipped("is a motion of the humanoid already; nothing to retarget".to_owned()))?;
+/// Retargets a clip and writes it.
+///
+/// # Errors
+/// When the file cannot be written; a clip that cannot be used is skipped.
+fn one(dataset: &Dataset, entry: &Entry, args: &RetargetArgs) -> io::Result<Result<ClipRow, Skipped>> {
+    let skipped =
+        |reason: String| Err(Skipped { id: entry.id.clone(), source: entry.source.clone(), reason });
+    let retargeted = match dataset.retarget(entry) {
+        Ok(Some(retargeted)) => retargeted,
+        Ok(None) => {
+            return Ok(skipped("it is a motion of the humanoid already; nothing to retarget".to_owned()));
+        }
+        Err(unusable) => return Ok(Err(unusable)),
+    };
     let path = args.out.join(format!("{}.{}", entry.id, args.form.extension()));
     if path.exists() && !args.overwrite {
-        return Err(skipped(format!("{} is there already; --overwrite replaces it", path.display())));
+        return Ok(skipped(format!("{} is there already; --overwrite replaces it", path.display())));
     }
-    std::fs::write(&path, args.form.bytes(&retargeted.motion, &entry.id))
-        .map_err(|error| skipped(format!("write {}: {error}", path.display())))?;
-    Ok(ClipRow::new(entry.id.clone(), retargeted))
+    write_file(&path, &args.form.bytes(&retargeted.motion, &entry.id))?;
+    Ok(Ok(ClipRow::new(entry.id.clone(), retargeted)))
 }
 
 /// Reads a correspondence file.

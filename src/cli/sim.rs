@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use clap::Args;
 
-use super::exit::{Exit, Failure, OrExit};
+use super::exit::{Exit, Failure, Inputs, OrExit};
 use super::progress::Display;
-use super::{language, output, resolve, summary};
-use crate::harness::{self, Generated, HarnessError, RunFolder, RunSettings, Source};
+use super::{language, motions, number, output, resolve, summary};
+use crate::dataset::{Dataset, Unstated};
+use crate::harness::{self, Generated, RunFolder, RunSettings, Selection, Source};
 use crate::simulation::{JointForm, Level};
 
 /// Where runs without `--out` go.
@@ -22,7 +23,7 @@ pub(super) struct SimArgs {
     /// frames x 50, or motion capture (.bvh, .amc beside its .asf, joint positions); the bundled suite when absent
     #[arg(long, value_name = "PATH")]
     pub motions: Option<PathBuf>,
-    /// Model that makes motions of sentences and reads captions back from motions, as `rprae train` leaves it; the bundled
+    /// Model that makes motions of sentences and reads captions back from motions, as rprae train leaves it; the bundled
     /// one when only --captions is given
     #[arg(long, value_name = "DIR")]
     pub bundle: Option<PathBuf>,
@@ -31,7 +32,7 @@ pub(super) struct SimArgs {
     #[arg(long, value_name = "FILE")]
     pub captions: Option<PathBuf>,
     /// Motions made of every sentence; the most plausible by levels 0 and 1 is run, and the gain reported [default: 1]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::count)]
     pub n_best: Option<usize>,
     /// Noise on the latent from the second of --n-best on, as a share of its spread over the vocabulary [default: 0.5]
     #[arg(long, value_name = "SHARE")]
@@ -45,7 +46,7 @@ pub(super) struct SimArgs {
     /// Word vectors for words the model was not trained on
     #[arg(long, value_name = "FILE")]
     pub vectors: Option<PathBuf>,
-    /// Folder of a sentence encoder, for the cosine between captions; `rprae encoders` says how to get one
+    /// Folder of a sentence encoder, for the cosine between captions; rprae encoders says how to get one
     #[arg(long, value_name = "DIR")]
     pub sentence_encoder: Option<PathBuf>,
     /// Make no motions and read no captions back, even where a model is bundled
@@ -59,10 +60,10 @@ pub(super) struct SimArgs {
     #[arg(long, value_name = "LEVELS", value_delimiter = ',', value_parser = resolve::level)]
     pub levels: Option<Vec<Level>>,
     /// Length of a simulation step in seconds, also as a fraction [default: 1/480]; longer is faster and less stable
-    #[arg(long, value_name = "SECONDS", value_parser = resolve::fraction)]
+    #[arg(long, value_name = "SECONDS", value_parser = number::fraction)]
     pub dt: Option<f64>,
-    /// Largest assist force at the root at L2, as a share of body weight [default: 0.2]
-    #[arg(long, value_name = "SHARE")]
+    /// Largest assist force at the root at L2, as a share of body weight (0.2) or in percent of it (20%) [default: 0.2]
+    #[arg(long, value_name = "SHARE", value_parser = number::share_of_weight)]
     pub assist_limit: Option<f64>,
     /// How joints are represented: balls is fast, multibody ten times slower and the reference [default: balls]
     #[arg(long, value_name = "FORM", value_parser = resolve::joint_form)]
@@ -71,13 +72,13 @@ pub(super) struct SimArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
     /// Run at most this many motions, the first by id
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::count)]
     pub limit: Option<usize>,
     /// Run only these motions, comma-separated
     #[arg(long, value_name = "IDS", value_delimiter = ',')]
     pub ids: Option<Vec<String>>,
     /// Seed of the bootstrap intervals and of the noise of --n-best, the only randomness of a run [default: 0]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::seed)]
     pub seed: Option<u64>,
     /// Settings file (TOML); the settings.toml of a run repeats it. Flags override it, unknown keys are refused
     #[arg(long, value_name = "TOML")]
@@ -110,6 +111,7 @@ pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
     let mut settings = resolve::settings(args).or_usage()?;
     language::resolve(args, &mut settings).or_usage()?;
     let dataset = settings.has_references().then(|| resolve::dataset(&settings)).transpose().or_usage()?;
+    check_hints(args, &settings, dataset.as_ref()).or_usage()?;
     let name = name(&settings);
     let references = dataset.as_ref().map(|dataset| (name.as_str(), dataset));
     let references: Option<&dyn Source> = references.as_ref().map(|source| source as &dyn Source);
@@ -124,28 +126,35 @@ pub(super) fn run(args: &SimArgs) -> Result<Exit, Failure> {
         // Without sentences there are references.
         return Err(anyhow!("find motions: give --motions or --captions")).or_usage();
     };
+    let selection = Selection::of(source, &settings.ids, settings.limit).or_usage()?;
     prove_physics(args, &settings)?;
     let folder = open_folder(args, &settings, &name)?;
 
     let threads = threads(args.threads);
     let display = Display::new(args.quiet);
     let observe = |progress: harness::Progress<'_>| display.observe(progress);
-    let run = harness::run(source, &settings, model.as_ref(), &folder, threads, &observe);
+    let run = harness::run(source, &selection, &settings, model.as_ref(), &folder, threads, &observe);
     display.finish();
-    let run = match run {
-        Err(error @ (HarnessError::UnknownIds { .. } | HarnessError::NoMotions { .. })) => {
-            return Err(error).or_usage();
-        }
-        other => other.or_failed()?,
-    };
+    let run = run.or_failed()?;
     let keys = language::key_metrics(&run.results);
     harness::publish(&run, &folder, &keys).or_failed()?;
     if !args.quiet {
         output::print(&summary::text(&run, &keys, folder.path(), output::table_width())).or_failed()?;
     }
     let failed = if run.results.num_failed() > 0 { Exit::Failed } else { Exit::Clean };
-    let skipped = if run.results.skipped.is_empty() { Exit::Clean } else { Exit::Skipped };
-    Ok(failed.or_worse(skipped))
+    let inputs = Inputs { used: run.results.cases.len(), skipped: run.results.skipped.len() };
+    Ok(failed.or_worse(inputs.exit()))
+}
+
+/// Refuses options about motions that say nothing new of any motion of this run.
+fn check_hints(args: &SimArgs, settings: &RunSettings, dataset: Option<&Dataset>) -> anyhow::Result<()> {
+    let hints = [
+        ("--rate", args.rate.is_some(), Unstated::Rate),
+        // Motions made of sentences are of a body, too.
+        ("--height", args.height.is_some() && !settings.has_generated(), Unstated::Height),
+        ("--skeleton", args.skeleton.is_some(), Unstated::Skeleton),
+    ];
+    motions::check_hints(&hints, &Vec::from_iter(dataset))
 }
 
 /// Name of a run, for tables and folders: that of its motions, else of its sentences.

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::output::rprae_command;
 use crate::harness::Run;
 use crate::report::regression::{Baseline, CaseFate, Comparison, compare};
-use crate::report::{Align, Column, Results, Table, compact, results_table, shorten};
+use crate::report::{Align, Column, Results, Table, compact, counted, results_table, shorten};
 use crate::simulation::Level;
 
 /// Name of the bundled suite as a dataset.
@@ -46,12 +46,7 @@ pub(super) fn text(run: &Run, keys: &[&str], folder: &Path, width: usize) -> Str
         }),
         width,
     );
-    push_list(
-        &mut text,
-        "Skipped inputs",
-        results.skipped.iter().map(|input| format!("{}: {}", input.id, input.reason)),
-        width,
-    );
+    push_list(&mut text, "Skipped inputs", results.skipped.iter().map(ToString::to_string), width);
     let warnings = results.cases.iter().flat_map(|case| {
         let doubts = case.doubts().map(|(level, doubt)| format!("{}: {level} read back: {doubt}", case.id));
         let warnings = case.warnings.iter().map(|warning| format!("{}: {warning}", case.id));
@@ -135,14 +130,13 @@ fn push_counts(text: &mut String, run: &Run) {
     };
     let _ = writeln!(
         text,
-        "\n{} cases{resumed}, {} failed, {} skipped; {:.1} s of motion in {:.1} s on {} thread{}",
-        results.cases.len(),
+        "\n{}{resumed}, {} failed, {} skipped; {:.1} s of motion in {:.1} s on {}",
+        counted(results.cases.len(), "case"),
         results.num_failed(),
         results.skipped.len(),
         timings.motion_secs,
         timings.total_secs,
-        timings.threads,
-        if timings.threads == 1 { "" } else { "s" }
+        counted(timings.threads, "thread")
     );
     let _ = writeln!(text, "{}: {}", results.key.engine, results.key.signature);
 }

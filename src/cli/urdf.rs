@@ -19,12 +19,18 @@ pub(super) struct UrdfArgs {
     /// Body mass in kilograms [default: 22.5 times the squared height]
     #[arg(long, value_name = "KG")]
     pub mass: Option<f64>,
-    /// File to write; standard output when absent
+    /// File to write, with its folders; standard output when absent
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Replace the file that is there
+    #[arg(long, requires = "out")]
+    pub overwrite: bool,
 }
 
 pub(super) fn run(args: &UrdfArgs) -> Result<Exit, Failure> {
+    if let Some(path) = &args.out {
+        output::check_free(path, args.overwrite).or_usage()?;
+    }
     let mut body = Body::with_default_mass(args.height);
     body.mass_kg = args.mass.unwrap_or(body.mass_kg);
     // A motion checks its body; one frame is enough.

@@ -35,6 +35,28 @@ pub(super) enum Format {
     Amc,
 }
 
+/// What some motions do not say themselves, so that it is asked of the caller; see [`super::OpenOptions`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unstated {
+    /// Frames per second: number tables and AMC files may state none.
+    Rate,
+    /// Body height: number tables may state none.
+    Height,
+    /// Which joint is which: of motion capture, and of arrays that may hold joint positions.
+    Skeleton,
+}
+
+impl Format {
+    /// Whether a motion stored like this may leave it open.
+    pub(super) fn leaves_open(self, what: Unstated) -> bool {
+        match what {
+            Unstated::Rate => matches!(self, Self::Npy | Self::Npz | Self::Csv | Self::Amc),
+            Unstated::Height => matches!(self, Self::Npy | Self::Npz | Self::Csv),
+            Unstated::Skeleton => matches!(self, Self::Npy | Self::Npz | Self::Bvh | Self::Amc),
+        }
+    }
+}
+
 /// Where the captions of a motion are.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Captions {

@@ -24,13 +24,14 @@ mod word_vectors;
 
 pub use cache::default_cache_folder;
 pub use caption_file::{CaptionFile, CaptionRecord};
-pub use entry::Entry;
+pub use entry::{Entry, Unstated};
 pub use load::FaultKind;
 pub use pieces::{Meta, MetaSource, Named, Pieces};
 pub use word_vectors::{Coverage, VectorError, WordVectors};
 
 use std::path::{Path, PathBuf};
 
+use crate::manifest::SkippedInput;
 use crate::motion::{Motion, bounds};
 use crate::retarget::Correspondence;
 use archive::Archive;
@@ -60,6 +61,19 @@ pub struct Skipped {
     pub source: PathBuf,
     /// One line that names the place and the reason.
     pub reason: String,
+}
+
+impl From<Skipped> for SkippedInput {
+    fn from(skipped: Skipped) -> Self {
+        Self { id: skipped.id, source: skipped.source.display().to_string(), reason: skipped.reason }
+    }
+}
+
+/// In one line: what it is, where it is, why it is skipped.
+impl std::fmt::Display for Skipped {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        SkippedInput::from(self.clone()).fmt(formatter)
+    }
 }
 
 /// Rate of a table that states none and for which none is set, hertz: that of the KIT recordings.
@@ -264,7 +278,7 @@ impl Dataset {
         if self.entries.is_empty() {
             let reason = match self.skipped.first() {
                 Some(first) => {
-                    format!("{} inputs, none usable; the first: {}", self.skipped.len(), first.reason)
+                    format!("{} inputs, none usable; the first is {first}", self.skipped.len())
                 }
                 None => "there is no .xml, .bvh, .amc, .npy, .npz or .csv".to_owned(),
             };
@@ -277,6 +291,12 @@ impl Dataset {
     #[must_use]
     pub fn entries(&self) -> &[Entry] {
         &self.entries
+    }
+
+    /// Whether there is a motion that may leave this open.
+    #[must_use]
+    pub fn leaves_open(&self, what: Unstated) -> bool {
+        self.entries.iter().any(|entry| entry.format.leaves_open(what))
     }
 
     /// Inputs that turned out unusable while listing, sorted by place.

@@ -41,6 +41,13 @@ impl Signature {
         Self(self.0.split('|').map(pair).collect::<Vec<_>>().join("|"))
     }
 
+    /// The value of a name it has.
+    #[must_use]
+    pub fn value(&self, name: &str) -> Option<&str> {
+        let mut pairs = self.0.split('|').filter_map(|part| part.split_once(':'));
+        pairs.find_map(|(found, value)| (found == name).then_some(value))
+    }
+
     /// The text.
     #[must_use]
     pub fn as_str(&self) -> &str {

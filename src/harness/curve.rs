@@ -9,7 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
-use super::{HarnessError, RunSettings, Source, run_key, select};
+use super::{HarnessError, RunSettings, Selection, Source, run_key};
 use crate::humanoid::Humanoid;
 use crate::manifest::{SkippedInput, sha256_hex};
 use crate::motion::NUM_JOINTS;
@@ -134,15 +134,16 @@ impl CurveSettings {
 /// A motion that cannot be read or prepared is skipped and named in the second part of the answer.
 ///
 /// # Errors
-/// [`HarnessError`] before any work for a bad selection.
+/// [`HarnessError::Threads`] before any work.
 pub fn run_curve(
     source: &dyn Source,
+    selection: &Selection,
     settings: &RunSettings,
     curve: &CurveSettings,
     threads: usize,
     observe: &(dyn Fn(&str) + Sync),
 ) -> Result<(Curve, Vec<SkippedInput>), HarnessError> {
-    let (selected, mut skipped) = select(source, settings)?;
+    let Selection { indices, mut skipped } = selection.clone();
     let control = curve.condition.control();
     let mut magnitudes: Vec<f64> = curve.magnitudes.iter().copied().chain(control).collect();
     magnitudes.sort_by(f64::total_cmp);
@@ -162,7 +163,7 @@ pub fn run_curve(
                 Err(SkippedInput { id, source: source.name(), reason })
             })
         };
-        selected.par_iter().with_max_len(1).map(run).collect()
+        indices.par_iter().with_max_len(1).map(run).collect()
     });
     let mut rollouts = Vec::new();
     for motion in finished {
@@ -302,8 +303,9 @@ mod tests {
         let curve =
             CurveSettings { condition, magnitudes: magnitudes.to_vec(), num_draws: 2, level: Level::L2 };
         let settings = RunSettings { ids: vec![STANDING.to_owned()], ..RunSettings::default() };
-        let (curve, skipped) =
-            run_curve(&("bundled", &dataset), &settings, &curve, threads, &|_| ()).unwrap();
+        let source = ("bundled", &dataset);
+        let selection = Selection::of(&source, &settings.ids, None).unwrap();
+        let (curve, skipped) = run_curve(&source, &selection, &settings, &curve, threads, &|_| ()).unwrap();
         assert!(skipped.is_empty(), "{skipped:?}");
         curve
     }

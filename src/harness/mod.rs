@@ -1,6 +1,6 @@
 //! Runs a suite: every motion through every level, each finished case safe on disk at once.
 //!
-//! In: a [`Source`] of motions, [`RunSettings`], a [`RunFolder`].
+//! In: a [`Selection`] of the motions of a [`Source`], [`RunSettings`], a [`RunFolder`].
 //! Out: a [`Run`], its files in the folder, and [`Progress`] while it lasts.
 //! A motion that cannot be read is skipped, a case that fails or panics is a failed case; the run goes on after both.
 //! The files are the same bytes for any number of threads; what took how long is in `timings.json` alone.
@@ -16,6 +16,7 @@ mod meaning;
 mod n_best;
 mod proof;
 mod publish;
+mod selection;
 mod settings;
 mod source;
 
@@ -27,6 +28,7 @@ pub use language::{Language, LanguageSettings, bundle_sha256};
 pub use language_metrics::LANGUAGE_METRICS;
 pub use proof::{Proof, cache_folder, prove};
 pub use publish::publish;
+pub use selection::{Selection, SelectionError};
 pub use settings::{RunSettings, SettingsProblem, TableSettings};
 pub use source::Source;
 
@@ -46,9 +48,9 @@ use case::{CaseContext, finish_case};
 /// Something that happened during a run, for a progress display.
 #[derive(Debug, Clone, Copy)]
 pub enum Progress<'a> {
-    /// The run starts with this many motions.
+    /// The run starts with this many inputs.
     Started {
-        /// Number of motions.
+        /// Number of motions, and of inputs that are skipped already.
         num_cases: usize,
     },
     /// A case is done and on disk.
@@ -113,18 +115,6 @@ impl Run {
 /// Why a run ended early. Finished cases stay in the folder.
 #[derive(Debug, thiserror::Error)]
 pub enum HarnessError {
-    /// The settings name motions that do not exist.
-    #[error("select motions: {} not in the dataset: {}", if .ids.len() == 1 { "one id is" } else { "some ids are" }, .ids.join(", "))]
-    UnknownIds {
-        /// Ids that do not exist.
-        ids: Vec<String>,
-    },
-    /// There is nothing to run.
-    #[error("run the suite: {dataset} holds no motion")]
-    NoMotions {
-        /// Where the motions should have come from.
-        dataset: String,
-    },
     /// The worker threads could not be started.
     #[error("start {threads} worker threads: {reason}")]
     Threads {
@@ -170,9 +160,10 @@ pub fn initial_manifest(settings: &RunSettings, dataset: &str) -> Manifest {
 /// `observe` is called from the worker threads.
 ///
 /// # Errors
-/// [`HarnessError`] before any work for a bad selection, later only when a result cannot be written.
+/// [`HarnessError`] when a result cannot be written, or there are no threads.
 pub fn run(
     source: &dyn Source,
+    selection: &Selection,
     settings: &RunSettings,
     language: Option<&Language>,
     folder: &RunFolder,
@@ -180,7 +171,7 @@ pub fn run(
     observe: &(dyn Fn(Progress<'_>) + Sync),
 ) -> Result<Run, HarnessError> {
     let started = Instant::now();
-    let (selected, mut skipped) = select(source, settings)?;
+    let Selection { indices, mut skipped } = selection.clone();
     let manifest = initial_manifest(settings, &source.name());
     let context = CaseContext::new(settings, language, &manifest.key, folder);
     let pool = rayon::ThreadPoolBuilder::new()
@@ -188,12 +179,12 @@ pub fn run(
         .build()
         .map_err(|error| HarnessError::Threads { threads, reason: error.to_string() })?;
 
-    observe(Progress::Started { num_cases: selected.len() });
+    observe(Progress::Started { num_cases: indices.len() + skipped.len() });
     for input in &skipped {
         observe(Progress::Skipped { input });
     }
     let finished: Vec<Result<(CaseResult, CaseTiming), SkippedInput>> = pool.install(|| {
-        selected
+        indices
             .par_iter()
             .with_max_len(1)
             .map(|&index| -> std::io::Result<_> {
@@ -255,31 +246,6 @@ pub fn run(
         cases: case_timings,
     };
     Ok(Run { results, manifest, timings })
-}
-
-/// Indices of the motions to run, and inputs that were refused when the source was listed.
-fn select(
-    source: &dyn Source,
-    settings: &RunSettings,
-) -> Result<(Vec<usize>, Vec<SkippedInput>), HarnessError> {
-    let ids = source.ids();
-    let wanted = |id: &str| settings.ids.is_empty() || settings.ids.iter().any(|wanted| wanted == id);
-    let skipped: Vec<SkippedInput> = source.skipped().into_iter().filter(|input| wanted(&input.id)).collect();
-    let unknown: Vec<String> = settings
-        .ids
-        .iter()
-        .filter(|id| !ids.contains(id) && !skipped.iter().any(|input| input.id == **id))
-        .cloned()
-        .collect();
-    if !unknown.is_empty() {
-        return Err(HarnessError::UnknownIds { ids: unknown });
-    }
-    let limit = settings.limit.unwrap_or(usize::MAX);
-    let selected: Vec<usize> = (0..ids.len()).filter(|&index| wanted(&ids[index])).take(limit).collect();
-    if selected.is_empty() && skipped.is_empty() {
-        return Err(HarnessError::NoMotions { dataset: source.name() });
-    }
-    Ok((selected, skipped))
 }
 
 #[cfg(test)]

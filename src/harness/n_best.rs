@@ -17,8 +17,13 @@ const DYNAMIC: &str = "l0/dynamic_degree";
 
 /// Judges motions of the same sentence and keeps one: the kept one, and all that could be judged with their scores.
 ///
-/// For each score a candidate gets the share of the others that are better; the smallest mean is kept.
-/// Ranks have no unit, so millimetres and newtons need no weights.
+/// The rule, in the order it decides:
+///
+/// 1. for each score a candidate gets the share of the others that are better ([`badness`]), and the smallest mean is kept: ranks
+///    have no unit, so millimetres and newtons need no weights, and one score that is far off does not outvote the others;
+/// 2. among equal means, which are common with few candidates, the one whose scores are the smaller parts of the largest of all
+///    candidates ([`relative_size`]): what is clearly worse by its values is not kept;
+/// 3. then the first, which is what the sentence says without noise.
 ///
 /// A motion that cannot be judged is left out with its reason, but the first, which is what the sentence says, must be.
 ///
@@ -53,7 +58,11 @@ fn choose_by(
         return Err("choose among motions: there is none".to_owned());
     }
     let badness: Vec<f64> = (0..scores.len()).map(|place| badness(&scores, place)).collect();
-    let kept = (0..scores.len()).min_by(|&a, &b| badness[a].total_cmp(&badness[b])).unwrap_or(0);
+    let by_rule = |&a: &usize, &b: &usize| {
+        let sizes = || relative_size(&scores, a).total_cmp(&relative_size(&scores, b));
+        badness[a].total_cmp(&badness[b]).then_with(sizes)
+    };
+    let kept = (0..scores.len()).min_by(by_rule).unwrap_or(0);
     let candidates = scores
         .into_iter()
         .zip(badness)
@@ -84,6 +93,19 @@ fn badness(scores: &[BTreeMap<String, f64>], place: usize) -> f64 {
         let value = |scores: &BTreeMap<String, f64>| scores.get(key).copied().unwrap_or(f64::INFINITY);
         let ours = value(&scores[place]);
         scores.iter().filter(|other| value(other) < ours).count() as f64 / others
+    };
+    JUDGED.iter().map(|key| share(key)).sum::<f64>() / JUDGED.len() as f64
+}
+
+/// Mean over the scores of the share of the largest value of all candidates, 0 to 1; a score that is not there counts as that.
+fn relative_size(scores: &[BTreeMap<String, f64>], place: usize) -> f64 {
+    let share = |key: &str| {
+        let largest = scores.iter().filter_map(|scores| scores.get(key)).copied().fold(0.0, f64::max);
+        match scores[place].get(key) {
+            None => 1.0,
+            Some(_) if largest == 0.0 => 0.0,
+            Some(value) => value / largest,
+        }
     };
     JUDGED.iter().map(|key| share(key)).sum::<f64>() / JUDGED.len() as f64
 }
@@ -158,6 +180,28 @@ mod tests {
         assert!(candidates[1].kept && left_out == ["judge a single frame"], "{left_out:?}");
         let refused = choose_by(vec![motion(1), motion(2)], &mut left_out, judge).unwrap_err();
         assert_eq!(refused, "judge a single frame", "without the first there is nothing to gain on");
+    }
+
+    #[test]
+    fn of_two_that_win_as_often_the_one_that_is_clearly_better_is_kept() {
+        use crate::motion::{Body, Frame};
+        // Skate of the first is a hair smaller, its unexplained force many times that of the second; the others are equal.
+        let of = |frames: usize| match frames {
+            1 => [("l0/skate", 10.0), ("l1/residual_force_gated", 80.0)],
+            _ => [("l0/skate", 10.1), ("l1/residual_force_gated", 2.0)],
+        };
+        let judge =
+            |motion: &Motion| Ok(of(motion.num_frames()).map(|(key, value)| (key.to_owned(), value)).into());
+        let motion =
+            |frames| Motion::new(Body::with_default_mass(1.75), 100.0, vec![Frame::ZERO; frames]).unwrap();
+        for (order, kept) in [([1, 2], 1), ([2, 1], 0)] {
+            let (found, candidates) = choose_by(order.map(motion).into(), &mut Vec::new(), judge).unwrap();
+            assert_eq!(candidates[0].badness, candidates[1].badness);
+            assert!(candidates[kept].kept && found.num_frames() == 2);
+        }
+        // What is equal in everything is what the sentence says.
+        let (_, candidates) = choose_by(vec![motion(2), motion(2)], &mut Vec::new(), judge).unwrap();
+        assert!(candidates[0].kept);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Where a run gets its motions.
 
-use crate::dataset::{Dataset, Sample, Skipped};
+use crate::dataset::{Dataset, Sample};
 use crate::manifest::SkippedInput;
 use crate::report::Candidate;
 
@@ -24,12 +24,6 @@ pub trait Source: Sync {
     /// As [`Source::load`].
     fn load_chosen(&self, index: usize) -> Result<(Sample, Vec<Candidate>), SkippedInput> {
         Ok((self.load(index)?, Vec::new()))
-    }
-}
-
-impl From<Skipped> for SkippedInput {
-    fn from(skipped: Skipped) -> Self {
-        Self { id: skipped.id, source: skipped.source.display().to_string(), reason: skipped.reason }
     }
 }
 

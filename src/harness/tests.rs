@@ -63,7 +63,8 @@ fn kinematic() -> RunSettings {
 
 fn run_into(path: &Path, source: &Stands, settings: &RunSettings, threads: usize) -> Run {
     let folder = RunFolder::open(path, settings, "stands", false).unwrap();
-    let run = run(source, settings, None, &folder, threads, &|_| ()).unwrap();
+    let selection = Selection::of(source, &settings.ids, settings.limit).unwrap();
+    let run = run(source, &selection, settings, None, &folder, threads, &|_| ()).unwrap();
     publish(&run, &folder, &["l0/skate"]).unwrap();
     run
 }
@@ -173,24 +174,17 @@ fn every_metric_belongs_to_a_level_that_ran() {
 }
 
 #[test]
-fn selections_are_checked_before_work() {
-    let parent = tempfile::tempdir().unwrap();
+fn selections_are_checked_without_reading_a_motion() {
     let source = Stands::new(&["a", "b", "c"]);
     let select = |ids: &[&str], limit| {
-        let ids = ids.iter().map(|id| (*id).to_owned()).collect();
-        let settings = RunSettings { ids, limit, ..kinematic() };
-        let path = parent.path().join(format!("{ids:?}{limit:?}", ids = settings.ids));
-        let folder = RunFolder::open(&path, &settings, "stands", false).unwrap();
-        run(&source, &settings, None, &folder, 1, &|_| ())
+        let ids: Vec<String> = ids.iter().map(|id| (*id).to_owned()).collect();
+        Selection::of(&source, &ids, limit).map(|selection| selection.indices)
     };
-    let ids = |run: Run| run.results.cases.into_iter().map(|case| case.id).collect::<Vec<_>>();
-    assert_eq!(ids(select(&["c", "a"], None).unwrap()), ["a", "c"]);
-    assert_eq!(ids(select(&[], Some(2)).unwrap()), ["a", "b"]);
-    let num_loads = source.num_loads.load(Ordering::Relaxed);
-    assert!(matches!(select(&["a", "z"], None), Err(HarnessError::UnknownIds { ids }) if ids == ["z"]));
-    assert_eq!(source.num_loads.load(Ordering::Relaxed), num_loads);
-    let empty = Stands::new(&[]);
-    let folder = RunFolder::open(&parent.path().join("empty"), &kinematic(), "stands", false).unwrap();
-    let refused = run(&empty, &kinematic(), None, &folder, 1, &|_| ());
-    assert!(matches!(refused, Err(HarnessError::NoMotions { .. })));
+    assert_eq!(select(&["c", "a"], None), Ok(vec![0, 2]));
+    assert_eq!(select(&[], Some(2)), Ok(vec![0, 1]));
+    let refused = select(&["a", "z"], None).unwrap_err();
+    assert_eq!(refused.to_string(), "select motions: stands has none called z");
+    let empty = Selection::of(&Stands::new(&[]), &[], None);
+    assert!(matches!(empty, Err(SelectionError::NoMotions { .. })));
+    assert_eq!(source.num_loads.load(Ordering::Relaxed), 0);
 }

@@ -38,14 +38,15 @@ pub fn findings_text(linted: &[Linted], least: Severity) -> String {
             let _ = writeln!(text, "  {}\n    remedy: {}", line(finding), finding.remedy);
         }
     }
+    let num_notes = count(linted, Severity::Info);
     let clean = linted.iter().filter(|one| one.worst() < Some(Severity::Warning)).count();
     let _ = writeln!(
         text,
-        "{} motions, {clean} clean; {} errors, {} warnings, {} notes",
+        "motions: {}, {clean} clean; errors: {}, warnings: {}, notes: {num_notes}{}",
         linted.len(),
         count(linted, Severity::Error),
         count(linted, Severity::Warning),
-        count(linted, Severity::Info)
+        if num_notes > 0 && least > Severity::Info { " (shown with --notes)" } else { "" }
     );
     text
 }

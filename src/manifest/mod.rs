@@ -59,9 +59,20 @@ impl RunKey {
         ]
         .into_iter()
         .filter(|(_, ours, theirs)| ours != theirs)
-        .map(|(name, ours, theirs)| format!("{name}: {ours} is not {theirs}"))
+        .map(|(name, ours, theirs)| format!("{name}: {}", signature_difference(ours, theirs)))
         .collect()
     }
+}
+
+/// How a signature differs from another: only those of its parts, joined by `|`, that the other has not, and the other way round.
+#[must_use]
+pub fn signature_difference(ours: &str, theirs: &str) -> String {
+    let parts_of = |text: &str, other: &str| {
+        let others: Vec<&str> = other.split('|').collect();
+        let own: Vec<&str> = text.split('|').filter(|part| !others.contains(part)).collect();
+        if own.is_empty() { "nothing".to_owned() } else { own.join("|") }
+    };
+    format!("{} is not {}", parts_of(ours, theirs), parts_of(theirs, ours))
 }
 
 /// An input that was used.
@@ -86,6 +97,14 @@ pub struct SkippedInput {
     pub source: String,
     /// One line that names the place and the reason.
     pub reason: String,
+}
+
+/// In one line: what it is, where it is, why it is skipped.
+impl std::fmt::Display for SkippedInput {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { id, source, reason } = self;
+        write!(formatter, "{id} ({source}): {reason}")
+    }
 }
 
 /// The record of a run, beside its results.
@@ -163,5 +182,15 @@ mod tests {
         let other = RunKey { signature: "dt:1/240".to_owned(), ..key() };
         assert_eq!(key().differences(&key()), Vec::<String>::new());
         assert_eq!(key().differences(&other), ["signature: dt:1/480 is not dt:1/240"]);
+    }
+
+    #[test]
+    fn long_signatures_are_shortened_to_what_differs() {
+        let (ours, theirs) = ("dt:1/480s|pgs:8|assist:20bw|sole:on", "dt:1/240s|pgs:8|assist:0.2bw");
+        assert_eq!(
+            signature_difference(ours, theirs),
+            "dt:1/480s|assist:20bw|sole:on is not dt:1/240s|assist:0.2bw"
+        );
+        assert_eq!(signature_difference("a:1|b:2", "a:1"), "b:2 is not nothing");
     }
 }

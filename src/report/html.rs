@@ -6,7 +6,7 @@ use super::case::{CaseResult, MetricRecord};
 use super::cell::cell;
 use super::markdown::{count, interval};
 use super::notes::{NoteKind, notes, remarks};
-use super::number::{compact, escape_html};
+use super::number::{compact, counted, escape_html};
 use super::ranking::worst_first;
 use super::read_back::read_back_rows;
 use super::results::Results;
@@ -31,17 +31,17 @@ pub fn results_html(results: &Results, keys: &[&str]) -> String {
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
          <meta name=\"viewport\" content=\"width=device-width\"><title>rprae: {title}</title>\
          <style>{STYLE}</style></head><body>\n<h1>Evaluation of {title}</h1>\n\
-         <p>{num_cases} cases, {num_failed} failed, {num_held} not simulable, {num_skipped} inputs skipped.<br>\
+         <p>{cases}, {num_failed} failed, {num_held} not simulable, {skipped} skipped.<br>\
          <small>rprae {}, {}, {}; <code>{}</code></small></p>\n",
         escape_html(&key.rprae),
         escape_html(&key.engine),
         escape_html(&key.device),
         escape_html(&key.signature),
         title = escape_html(&results.dataset),
-        num_cases = results.cases.len(),
+        cases = counted(results.cases.len(), "case"),
         num_failed = results.num_failed(),
         num_held = results.not_simulable().count(),
-        num_skipped = results.skipped.len(),
+        skipped = counted(results.skipped.len(), "input"),
     );
     push_cases(&mut page, results, keys);
     push_read_back(&mut page, results);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::aggregate::Aggregate;
 use super::cell::cell;
 use super::notes::{notes, remarks};
-use super::number::{compact, escape_markdown};
+use super::number::{compact, counted, escape_markdown};
 use super::ranking::worst_first;
 use super::read_back::{ReadBackRow, read_back_rows};
 use super::results::Results;
@@ -17,12 +17,12 @@ pub fn results_markdown(results: &Results, keys: &[&str]) -> String {
     let key = &results.key;
     let _ = writeln!(
         text,
-        "{} cases of {}, {} failed, {} not simulable, {} inputs skipped.\n\nrprae {}, {}, {}; `{}`\n",
-        results.cases.len(),
+        "{} of {}, {} failed, {} not simulable, {} skipped.\n\nrprae {}, {}, {}; `{}`\n",
+        counted(results.cases.len(), "case"),
         escape_markdown(&results.dataset),
         results.num_failed(),
         results.not_simulable().count(),
-        results.skipped.len(),
+        counted(results.skipped.len(), "input"),
         key.rprae,
         key.engine,
         key.device,

@@ -48,7 +48,7 @@ pub use curve::{Curve, CurvePoint, CurveRollout};
 pub use html::results_html;
 pub use markdown::results_markdown;
 pub use notes::{Note, NoteKind, notes};
-pub use number::{compact, shorten};
+pub use number::{compact, counted, fixed, shorten};
 pub use random::SplitMix64;
 pub use ranking::worst_first;
 pub use results::{RESULTS_FORMAT, ReadError, Results};

@@ -23,6 +23,22 @@ pub fn compact(value: f64) -> String {
     }
 }
 
+/// A number of things, as one says it: `1 case`, `2 cases`.
+#[must_use]
+pub fn counted(count: usize, thing: &str) -> String {
+    if count == 1 { format!("1 {thing}") } else { format!("{count} {thing}s") }
+}
+
+/// A number with so many digits after the point, zero without a sign.
+#[must_use]
+pub fn fixed(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    match text.strip_prefix('-') {
+        Some(magnitude) if magnitude.bytes().all(|byte| matches!(byte, b'0' | b'.')) => magnitude.to_owned(),
+        _ => text,
+    }
+}
+
 /// A change, always with its sign.
 #[must_use]
 pub(super) fn signed(value: f64) -> String {
@@ -98,6 +114,9 @@ mod tests {
         for (value, text) in expected {
             assert_eq!(compact(value), text);
         }
+        assert_eq!([1, 2, 0].map(|count| counted(count, "case")), ["1 case", "2 cases", "0 cases"]);
+        assert_eq!([fixed(-0.3, 0), fixed(-0.6, 0), fixed(-0.004, 2)], ["0", "-1", "0.00"]);
+        assert_eq!(fixed(12.345, 1), "12.3");
         assert_eq!(signed(0.5), "+0.500");
         assert_eq!(signed(-0.5), "-0.500");
     }

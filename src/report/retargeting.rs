@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Value, json};
 
+use super::number::counted;
 use crate::dataset::Skipped;
 use crate::retarget::{Quality, Retargeted};
 
@@ -115,10 +116,14 @@ impl Report {
             let clips: Vec<&ClipRow> = self.clips.iter().filter(|clip| clip.skeleton == skeleton).collect();
             write_skeleton(&mut text, skeleton, &clips);
         }
-        let _ =
-            writeln!(text, "{} clips retargeted, {} inputs skipped", self.clips.len(), self.skipped.len());
+        let _ = writeln!(
+            text,
+            "{} retargeted, {} skipped",
+            counted(self.clips.len(), "clip"),
+            counted(self.skipped.len(), "input")
+        );
         for skipped in self.skipped.iter().take(20) {
-            let _ = writeln!(text, "skipped {}: {}", skipped.id, skipped.reason);
+            let _ = writeln!(text, "skipped {skipped}");
         }
         text
     }
@@ -126,7 +131,7 @@ impl Report {
 
 fn write_skeleton(text: &mut String, skeleton: &str, clips: &[&ClipRow]) {
     let frames: usize = clips.iter().map(|clip| clip.num_frames).sum();
-    let _ = writeln!(text, "{skeleton}: {} clips, {frames} frames", clips.len());
+    let _ = writeln!(text, "{skeleton}: {}, {}", counted(clips.len(), "clip"), counted(frames, "frame"));
     let _ =
         writeln!(text, "  {:44} {:>8} {:>8} {:>8} {:>8}", "over clips", "least", "median", "95 %", "most");
     let mut line = |name: &str, value: &dyn Fn(&Quality) -> Option<f64>| {

@@ -20,7 +20,9 @@ pub enum TrainingError {
         folder: PathBuf,
     },
     /// There is no run to resume.
-    #[error("resume: {folder} holds no run; start one without --resume")]
+    #[error(
+        "resume the run in {folder}: there is none; name its folder with --out, or start one without --resume"
+    )]
     NothingToResume {
         /// The folder.
         folder: PathBuf,

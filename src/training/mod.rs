@@ -30,7 +30,7 @@ pub use folder::{BUNDLE, Begin, CHECKPOINTS, RUN_FILE, RunFacts, RunFolder, SETT
 pub use journal::{EVENTS_FILE, METRICS_FILE};
 pub use plan::{Phase, Plan, Stage};
 pub use record::{Iteration, Line, LossValues, Validation, memory_mib, peak_memory_mib};
-pub use run::{Event, Trained, train};
+pub use run::{Event, Trained, check, train};
 pub use settings::{Keep, Preset, RunSettings, Schedule, SettingsProblem, TrainingSettings};
 pub use validation::{CaptionScore, Written};
 

@@ -103,7 +103,10 @@ pub fn train(
 }
 
 /// Says what the data lack for a plan.
-fn check(set: &PreparedSet, plan: Plan) -> Result<(), TrainingError> {
+///
+/// # Errors
+/// [`TrainingError::Data`].
+pub fn check(set: &PreparedSet, plan: Plan) -> Result<(), TrainingError> {
     let lacking = |fault: &str| Err(TrainingError::Data { fault: fault.to_owned() });
     if plan.stage1 > 0 && (set.non_paired_captions.is_empty() || set.non_paired_motions.is_empty()) {
         return lacking("no captions or no motions for stage 1");

@@ -4,14 +4,15 @@ use anyhow::Context;
 use clap::Args;
 
 use super::super::exit::{Exit, Failure, OrExit};
-use super::super::{output, resolve};
+use super::super::{number, output, resolve};
+use crate::harness::SettingsProblem;
 use crate::report::{Align, Column, Table};
 use crate::simulation::{Check, JointForm, SimulationSettings, self_test};
 
 #[derive(Debug, Args)]
 pub(crate) struct PhysicsArgs {
     /// Length of a simulation step in seconds, also as a fraction [default: 1/480]
-    #[arg(long, value_name = "SECONDS", value_parser = resolve::fraction)]
+    #[arg(long, value_name = "SECONDS", value_parser = number::fraction)]
     pub dt: Option<f64>,
     /// How joints are represented: balls or multibody [default: balls]
     #[arg(long, value_name = "FORM", value_parser = resolve::joint_form)]
@@ -26,7 +27,7 @@ pub(crate) fn run(args: &PhysicsArgs) -> Result<Exit, Failure> {
         joint_form: args.joint_form.unwrap_or(default.joint_form),
         ..default
     };
-    settings.check().or_usage()?;
+    settings.check().map_err(SettingsProblem::from).or_usage()?;
     let checks = self_test(&settings).context("test the physics engine").or_failed()?;
     output::print(&table(&checks).render(output::table_width())).or_failed()?;
     Ok(if checks.iter().all(Check::passed) { Exit::Clean } else { Exit::Failed })

@@ -15,7 +15,7 @@ use crate::experiments::{self, Evaluator, HeldOut, Outcome, REFERENCES};
 use crate::features::PreparedSet;
 use crate::manifest::{VERSION, write_file};
 use crate::model::{self, Bundle};
-use crate::report::{Align, Column, Interval, Table};
+use crate::report::{Align, Column, Interval, Table, counted};
 use crate::translation::Search;
 
 #[derive(Debug, Serialize)]
@@ -204,10 +204,10 @@ fn motions(found: &Outcome, resampling: Resampling) -> Vec<Score> {
 impl Record<'_> {
     fn text(&self, out: &Path, width: usize) -> String {
         let mut text = format!(
-            "{} motions, {} captions, {} of them sentences that no pair learned from has; judged by {}; 95 % intervals from {} resamples of motions with all their captions, \
-             seed {}\nheld out: {}\nreferences: {}\ncaptions: {}\n\nCaptions of motions\n",
-            self.num_motions,
-            self.num_captions,
+            "{}, {}, {} of them sentences that no pair learned from has; judged by {}; 95 % intervals from {} resamples of motions with all their captions, \
+             seed {}\nheld out: {}\nreferences: {}\ncaptions: {}\n\nCaptions of motions (0 to 1, CIDEr 0 to 10, higher is better; p of the difference)\n",
+            counted(self.num_motions, "motion"),
+            counted(self.num_captions, "caption"),
             self.num_unseen_captions,
             self.judge,
             self.num_resamples,
@@ -237,19 +237,20 @@ impl Record<'_> {
         }
         text += &Table { columns }.render(width);
         text += "\nMotions of captions\n";
+        let rows: Vec<Row<'_>> =
+            self.motions.iter().map(Row::of_score).chain(self.sets.iter().map(Row::of_set)).collect();
         let columns = vec![
-            column("score", Align::Left, &self.motions, |score| score.key.clone()),
-            column("value", Align::Right, &self.motions, |score| number(score.value)),
-            column("95 %", Align::Right, &self.motions, |score| ends(score.interval)),
-            column("chance", Align::Right, &self.motions, |score| {
-                score.chance.map_or_else(|| "-".to_owned(), number)
-            }),
+            column("score", Align::Left, &rows, |row| row.key.clone()),
+            column("value", Align::Right, &rows, |row| number(row.value)),
+            column("95 %", Align::Right, &rows, |row| ends(row.interval)),
+            column("chance", Align::Right, &rows, |row| row.chance.map_or_else(|| "-".to_owned(), number)),
+            column("unit", Align::Left, &rows, |row| unit(row.signature)),
         ];
         text += &Table { columns }.render(width);
         text.push('\n');
         for set in self.sets {
             // Writing to a string cannot fail.
-            let _ = writeln!(text, "{:.4}  {}  {}", set.value, ends(set.interval), set.signature);
+            let _ = writeln!(text, "{}", set.signature);
         }
         let _ = writeln!(
             text,
@@ -260,12 +261,47 @@ impl Record<'_> {
     }
 }
 
-fn column(heading: &str, align: Align, scores: &[Score], cell: impl Fn(&Score) -> String) -> Column {
+/// A row of the table of motions.
+struct Row<'a> {
+    key: String,
+    value: f64,
+    interval: Option<Interval>,
+    chance: Option<f64>,
+    signature: &'a Signature,
+}
+
+impl<'a> Row<'a> {
+    fn of_score(score: &'a Score) -> Self {
+        let Score { key, value, interval, chance, signature, .. } = score;
+        Self { key: key.clone(), value: *value, interval: *interval, chance: *chance, signature }
+    }
+
+    fn of_set(set: &'a SetScore) -> Self {
+        let of = set.signature.value("of").map_or_else(String::new, |of| format!(" of {of}"));
+        let key = format!("{}{of}", set.key);
+        Self { key, value: set.value, interval: set.interval, chance: None, signature: &set.signature }
+    }
+}
+
+/// What a score of motions is counted in, and among how many candidates, as its signature says.
+fn unit(signature: &Signature) -> String {
+    let name = signature.as_str().split('|').next().unwrap_or_default();
+    match (name, signature.value("unit"), signature.value("pool"), signature.value("candidates")) {
+        (_, Some(unit), ..) => unit.to_owned(),
+        (_, _, Some(pool), _) => format!("share of queries, in pools of {pool}"),
+        (_, _, _, Some(candidates)) => format!("share of queries, among all {candidates}"),
+        ("median-rank", ..) => "rank, 1 is the nearest".to_owned(),
+        ("fid", ..) => "squared latent distance".to_owned(),
+        _ => "latent distance".to_owned(),
+    }
+}
+
+fn column<T>(heading: &str, align: Align, rows: &[T], cell: impl Fn(&T) -> String) -> Column {
     Column {
         heading: vec![heading.to_owned()],
         align,
         min_width: None,
-        cells: scores.iter().map(cell).collect(),
+        cells: rows.iter().map(cell).collect(),
     }
 }
 
@@ -275,4 +311,22 @@ fn number(value: f64) -> String {
 
 fn ends(interval: Option<Interval>) -> String {
     interval.map_or_else(|| "-".to_owned(), |ends| format!("{:.3} .. {:.3}", ends.low, ends.high))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_score_of_motions_has_a_unit_and_every_retrieval_its_pool() {
+        let of = |name: &str| Signature::new(name).with("evaluator", "e");
+        assert_eq!(unit(&of("pose-error").with("unit", "mm")), "mm");
+        assert_eq!(unit(&of("r-precision-1").with("pool", 32)), "share of queries, in pools of 32");
+        assert_eq!(unit(&of("recall-1").with("candidates", 97)), "share of queries, among all 97");
+        let rest = ["median-rank", "fid", "mm-dist", "diversity"].map(|name| unit(&of(name)));
+        assert_eq!(
+            rest,
+            ["rank, 1 is the nearest", "squared latent distance", "latent distance", "latent distance"]
+        );
+    }
 }

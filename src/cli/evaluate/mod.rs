@@ -12,16 +12,16 @@ use clap::{Args, ValueEnum};
 use self::report::{Report, ScoreRecord};
 use super::choose::Choose;
 use super::exit::{Exit, Failure, OrExit};
-use super::output;
+use super::{number, output};
 use crate::evaluation::encoder::{Encoder, KNOWN_ENCODERS, Pooling, parse_baseline};
 use crate::evaluation::{Baseline, Measurement, Panel, Resampling, SentenceEncoder, TokenEncoder};
 
 #[derive(Debug, Args)]
 pub(super) struct EvaluateArgs {
-    /// Sentences to score: a line each (.txt), or `{"id": "7", "hypothesis": "..."}` a line (.jsonl)
+    /// Sentences to score: a line each (.txt), or {"id": "7", "hypothesis": "..."} a line (.jsonl)
     #[arg(long, value_name = "FILE", required_unless_present = "bundle", conflicts_with = "bundle")]
     pub hypotheses: Option<PathBuf>,
-    /// What they should say: a line each, several between tabs, or `{"id": "7", "references": ["..."]}` a line; may be
+    /// What they should say: a line each, several between tabs, or {"id": "7", "references": ["..."]} a line; may be
     /// given several times, and the references of a segment add up
     #[arg(long, value_name = "FILE", required_unless_present = "bundle", conflicts_with = "bundle")]
     pub references: Vec<PathBuf>,
@@ -32,17 +32,17 @@ pub(super) struct EvaluateArgs {
     /// against chance
     #[arg(long, value_name = "DIR", requires = "prepared")]
     pub bundle: Option<PathBuf>,
-    /// Folder that `rprae prepare` made, whose pairs the model is scored on
-    #[arg(long, value_name = "DIR", requires = "bundle")]
+    /// Folder that rprae prepare made, whose pairs the model is scored on
+    #[arg(long, value_name = "DIR", requires = "bundle", conflicts_with = "hypotheses")]
     pub prepared: Option<PathBuf>,
     /// Part of the prepared data
-    #[arg(long, value_enum, default_value_t = SplitArg::Test, requires = "bundle")]
+    #[arg(long, value_enum, default_value_t = SplitArg::Test, requires = "bundle", conflicts_with = "hypotheses")]
     pub split: SplitArg,
     /// Another trained model that embeds and reads back what the model makes [default: the model itself]
-    #[arg(long, value_name = "DIR", requires = "bundle")]
+    #[arg(long, value_name = "DIR", requires = "bundle", conflicts_with = "hypotheses")]
     pub judge: Option<PathBuf>,
     /// Which of the captions it finds is scored [default: that of the most probable next words]
-    #[arg(long, value_enum, requires = "bundle")]
+    #[arg(long, value_enum, requires = "bundle", conflicts_with = "hypotheses")]
     pub choose: Option<Choose>,
     /// Captions followed side by side, or drawn [default: 5, and 32 for a consensus]
     #[arg(long, value_name = "N", requires = "choose", value_parser = clap::value_parser!(u16).range(1..=1000))]
@@ -51,7 +51,7 @@ pub(super) struct EvaluateArgs {
     #[arg(long, value_name = "DIR")]
     pub encoder: Option<PathBuf>,
     /// Layer for BERTScore [default: 17 for an encoder of the shape of roberta-large, else the last]
-    #[arg(long, value_name = "N", requires = "encoder")]
+    #[arg(long, value_name = "N", value_parser = number::whole, requires = "encoder")]
     pub layer: Option<usize>,
     /// Table of BERTScore baselines, LAYER,P,R,F a line [default: the published one for roberta-large, layer 17]
     #[arg(long, value_name = "FILE", requires = "encoder")]
@@ -66,7 +66,7 @@ pub(super) struct EvaluateArgs {
     #[arg(long, value_name = "HOW", requires = "sentence_encoder")]
     pub pooling: Option<PoolingArg>,
     /// Seed of the resampling, and of captions drawn
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", value_parser = number::seed, default_value_t = 0)]
     pub seed: u64,
     /// Draws for intervals and p-values
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(100..=1_000_000))]

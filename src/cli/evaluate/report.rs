@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::evaluation::{Absent, Comparison, Corpus, Measurement, Signature};
 use crate::manifest::{sha256_hex, write_file};
-use crate::report::{Align, Column, Interval, Table};
+use crate::report::{Align, Column, Interval, Table, counted};
 
 const JSON_FILE: &str = "scores.json";
 
@@ -61,8 +61,11 @@ impl Report {
     /// The table with its signatures, for a person.
     pub fn text(&self, folder: &Path, width: usize) -> String {
         let mut text = format!(
-            "{} segments, {} references; 95 % intervals from {} resamples, seed {}\n",
-            self.num_segments, self.num_references, self.num_resamples, self.seed
+            "{}, {}; 95 % intervals from {} resamples, seed {}\n",
+            counted(self.num_segments, "segment"),
+            counted(self.num_references, "reference"),
+            self.num_resamples,
+            self.seed
         );
         text.push_str(&self.table().render(width));
         for record in &self.scores {

@@ -6,11 +6,12 @@ mod held_out;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use anyhow::anyhow;
 use clap::{Args, ValueEnum};
 
 use self::display::{Display, told};
 use super::exit::{Exit, Failure, OrExit};
-use super::output;
+use super::{number, output};
 use crate::evaluation::{Bleu, Corpus, Segment};
 use crate::features::{MirrorCount, PreparedSet};
 use crate::manifest::{VERSION, write_file};
@@ -26,7 +27,7 @@ pub(super) struct TrainArgs {
     /// Settings file (TOML); the settings.toml of a run repeats it. Flags override it, unknown keys are refused
     #[arg(long, value_name = "TOML")]
     pub config: Option<PathBuf>,
-    /// Folder that `rprae prepare` made
+    /// Folder that rprae prepare made
     #[arg(long, value_name = "DIR")]
     pub prepared: Option<PathBuf>,
     /// Run folder
@@ -45,19 +46,19 @@ pub(super) struct TrainArgs {
     #[arg(long, value_enum)]
     pub preset: Option<Size>,
     /// Seed of the first weights and of the order of the data [default: 1]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::seed)]
     pub seed: Option<u64>,
     /// Iterations of stage 1, instead of its 200 epochs
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::whole)]
     pub stage1_iterations: Option<usize>,
     /// Iterations of stage 2, instead of its 400 epochs
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::whole)]
     pub stage2_iterations: Option<usize>,
     /// Iterations between looks at the validation pairs [default: 500]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::whole)]
     pub validate_every: Option<usize>,
     /// Iterations between checkpoints [default: 500]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::count)]
     pub checkpoint_every: Option<usize>,
     /// Print nothing but errors
     #[arg(long, short)]
@@ -108,6 +109,15 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     let settings = settings(args)?;
     settings.check().or_usage()?;
     let set = PreparedSet::load(&settings.prepared).or_usage()?;
+    let plan = Plan::new(&settings.training, &set);
+    training::check(&set, plan).map_err(failure)?;
+    if set.validation.is_empty() && args.validate_every.is_some_and(|every| every > 0) {
+        return Err(anyhow!(
+            "use --validate-every: {} has no validation pairs; prepare it with some, or leave out the option",
+            settings.prepared.display()
+        ))
+        .or_usage();
+    }
     let selected = model::select(settings.device).or_usage()?;
     let untrained = Rprae::new(&settings.model, &set.vocabulary, settings.seed, &selected.device);
     let parameters = model::num_parameters(&untrained);
@@ -131,10 +141,12 @@ pub(super) fn run(args: &TrainArgs) -> Result<Exit, Failure> {
     }
     let total: usize = facts.parameters.iter().map(|(_, count)| count).sum();
     display.line(&format!("{total} trained numbers on {}", facts.device));
+    if set.validation.is_empty() {
+        display.line("there are no validation pairs, so nothing is validated, and the model is that of the last iteration");
+    }
 
     let metrics = args.out.join(METRICS_FILE);
     let curves = args.out.join("curves.svg");
-    let plan = Plan::new(&settings.training, &set);
     let outcome = training::train(&set, &settings, &selected.device, &folder, Some(&bleu), &mut |event| {
         if let Event::Validated(_) = &event {
             // A picture that cannot be drawn must not stop hours of work; the last one, below, must be.
@@ -174,6 +186,9 @@ fn settings(args: &TrainArgs) -> Result<RunSettings, Failure> {
     let mut settings = match &args.config {
         Some(path) => RunSettings::read(path, preset).or_usage()?,
         None => match RunFolder::settings(&args.out).map_err(failure)? {
+            None if args.resume => {
+                return Err(failure(TrainingError::NothingToResume { folder: args.out.clone() }));
+            }
             Some(settings) if args.resume && preset.is_none_or(|preset| preset == settings.preset) => {
                 settings
             }
@@ -184,10 +199,8 @@ fn settings(args: &TrainArgs) -> Result<RunSettings, Failure> {
         settings.prepared.clone_from(prepared);
     }
     if settings.prepared.as_os_str().is_empty() {
-        return Err(anyhow::anyhow!(
-            "find the data: give --prepared DIR; `rprae prepare` makes such a folder"
-        ))
-        .or_usage();
+        return Err(anyhow!("find the data: give --prepared DIR; `rprae prepare` makes such a folder"))
+            .or_usage();
     }
     settings.device = args.device.map_or(settings.device, DeviceChoice::from);
     settings.seed = args.seed.unwrap_or(settings.seed);

@@ -5,9 +5,10 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::Session;
-use super::perform::{Performance, Stage};
+use super::perform::Performance;
 use super::write::{self, Target};
 use crate::motion::Motion;
+use crate::report::{counted, fixed};
 use crate::translation::{Acted, Search, Sentence, TranslationError, upsampled};
 
 /// What came of a sentence.
@@ -62,23 +63,37 @@ pub(super) struct Unfinished {
     motions: Vec<(usize, Acted)>,
 }
 
-/// Makes motions, and performs them where that is asked for.
-pub(super) struct Actor<'s, 'a> {
-    session: &'s Session<'a>,
-    stage: Option<Stage>,
+/// Why what was made of a sentence is not finished.
+#[derive(Debug)]
+pub(super) enum Fault {
+    /// This sentence cannot be; another may.
+    Sentence(anyhow::Error),
+    /// A file cannot be written.
+    Write(anyhow::Error),
 }
 
-impl<'s, 'a> Actor<'s, 'a> {
-    /// Proves the physics where something is to be performed.
-    pub fn new(session: &'s Session<'a>) -> anyhow::Result<Self> {
-        let recorded = session.args.out.iter().any(|path| write::is_recording(path));
-        let stage = (session.args.perform || recorded).then(|| Stage::new(session.args.quiet)).transpose()?;
-        Ok(Self { session, stage })
+impl Fault {
+    pub(super) fn sentence(error: impl Into<anyhow::Error>) -> Self {
+        Self::Sentence(error.into())
     }
 
+    pub(super) fn write(error: impl Into<anyhow::Error>) -> Self {
+        Self::Write(error.into())
+    }
+}
+
+impl From<Fault> for anyhow::Error {
+    fn from(fault: Fault) -> Self {
+        match fault {
+            Fault::Sentence(error) | Fault::Write(error) => error,
+        }
+    }
+}
+
+impl Session<'_> {
     /// The motions of a sentence.
     pub fn act(&self, id: Option<String>, caption: &str) -> Result<Unfinished, TranslationError> {
-        let Session { translator, acting, args, .. } = self.session;
+        let Session { translator, acting, args, .. } = self;
         let reading = translator.read(caption)?;
         let latent = translator.latent_of(&reading);
         let (count, seed) = (usize::from(args.n_best), args.seed.unwrap_or(0));
@@ -90,9 +105,9 @@ impl<'s, 'a> Actor<'s, 'a> {
     }
 
     /// Reads back, performs and writes what was made.
-    pub fn finish(&self, made: Unfinished, targets: &[Target]) -> anyhow::Result<ActedRecord> {
+    pub fn finish(&self, made: Unfinished, targets: &[Target]) -> Result<ActedRecord, Fault> {
         let motions = made.motions.iter().map(|acted| self.finish_motion(&made, acted, targets));
-        let motions = motions.collect::<anyhow::Result<_>>()?;
+        let motions = motions.collect::<Result<_, _>>()?;
         Ok(ActedRecord { id: made.id, caption: made.caption, notes: made.notes, motions })
     }
 
@@ -101,15 +116,15 @@ impl<'s, 'a> Actor<'s, 'a> {
         made: &Unfinished,
         (number, acted): &(usize, Acted),
         targets: &[Target],
-    ) -> anyhow::Result<MotionRecord> {
-        let Session { translator, args, search, .. } = self.session;
+    ) -> Result<MotionRecord, Fault> {
+        let Session { translator, args, search, .. } = self;
         let file_number = (args.n_best > 1).then_some(number + 1);
         // Several sentences about one motion are not what --n-best asks of a sentence.
         let search = Search { n_best: 1, ..*search };
         let motion = &acted.motion;
-        let fine = upsampled(motion, args.out_rate())?;
+        let fine = upsampled(motion, args.out_rate()).map_err(Fault::sentence)?;
         let (read_back, read_back_notes) = if args.round_trip {
-            let described = translator.describe(motion, &search)?;
+            let described = translator.describe(motion, &search).map_err(Fault::sentence)?;
             (described.sentences, described.warnings)
         } else {
             Default::default()
@@ -120,7 +135,7 @@ impl<'s, 'a> Actor<'s, 'a> {
         let recording = places.iter().find(|path| write::is_recording(path));
         for path in places.iter().filter(|path| Some(*path) != recording) {
             let name = made.id.as_deref().unwrap_or(&made.caption);
-            write::motion(path, &fine, name, &made.caption)?;
+            write::motion(path, &fine, name, &made.caption).map_err(Fault::write)?;
         }
         let performed = match &self.stage {
             Some(stage) => {
@@ -174,8 +189,12 @@ impl ActedRecord {
             let number = if self.motions.len() > 1 { format!("{}. ", motion.number) } else { String::new() };
             let _ = writeln!(
                 text,
-                "  {number}{:.1} s ({} frames at {} Hz), travels {:.2} m, turns {:.0} degrees",
-                motion.duration_secs, motion.num_frames, motion.rate_hz, motion.travel_m, motion.turn_deg
+                "  {number}{:.1} s ({} at {} Hz), travels {:.2} m, turns {} degrees",
+                motion.duration_secs,
+                counted(motion.num_frames, "frame"),
+                motion.rate_hz,
+                motion.travel_m,
+                fixed(motion.turn_deg, 0)
             );
             text.push_str(&read_back_text("read back", &motion.read_back, &motion.read_back_notes));
             if let Some(performed) = &motion.performed {
@@ -194,7 +213,7 @@ pub(super) fn read_back_text(what: &str, sentences: &[Sentence], notes: &[String
     let mut text = String::new();
     for Sentence { text: words, log_probability, .. } in sentences {
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "     {what}: {words} (log p {log_probability:.2})");
+        let _ = writeln!(text, "     {what}: {words} (log p {})", fixed(*log_probability, 2));
     }
     for note in notes {
         let _ = writeln!(text, "     {what}, note: {note}");

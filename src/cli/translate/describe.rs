@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::Session;
 use crate::dataset::Sample;
+use crate::report::fixed;
 use crate::translation::{Sentence, TranslationError};
 
 /// What is written about a motion; `rprae evaluate --hypotheses` reads it.
@@ -54,7 +55,12 @@ impl DescribedRecord {
         for sentence in &self.sentences {
             let cut = if sentence.has_ended { "" } else { " ..." };
             let Sentence { score, log_probability, text: words, .. } = sentence;
-            let _ = writeln!(text, "  {score:7.2}  {words}{cut} (log p {log_probability:.2})");
+            let _ = writeln!(
+                text,
+                "  score {:>6}  {words}{cut} (log p {})",
+                fixed(*score, 2),
+                fixed(*log_probability, 2)
+            );
         }
         for reference in &self.references {
             let _ = writeln!(text, "  reference: {reference}");

@@ -5,10 +5,11 @@ use std::path::Path;
 
 use anyhow::Context as _;
 
-use super::act::{ActedRecord, Actor};
+use super::act::ActedRecord;
 use super::describe::DescribedRecord;
 use super::{Session, open};
-use crate::cli::exit::{Exit, Failure, OrExit};
+use crate::cli::exit::{Exit, Failure, Inputs, OrExit, message};
+use crate::cli::progress::Steps;
 
 /// Longest line that is read, bytes.
 const MAX_LINE_BYTES: usize = 10_000;
@@ -27,6 +28,25 @@ enum Line {
     End,
 }
 
+/// What came of the lines.
+#[derive(Default)]
+struct Tally {
+    inputs: Inputs,
+    /// Rollouts that ended before their time.
+    num_failed: usize,
+}
+
+impl Tally {
+    fn skip(&mut self, reason: &str) {
+        eprintln!("failed to {reason}");
+        self.inputs.skipped += 1;
+    }
+
+    fn exit(&self) -> Exit {
+        self.inputs.exit().or_worse(if self.num_failed > 0 { Exit::Failed } else { Exit::Clean })
+    }
+}
+
 /// Translates line by line until the input ends; a line that cannot be translated is told and counted.
 pub(super) fn run(session: &mut Session<'_>) -> Result<Exit, Failure> {
     let watched = io::stdin().is_terminal() && !session.args.quiet;
@@ -34,7 +54,7 @@ pub(super) fn run(session: &mut Session<'_>) -> Result<Exit, Failure> {
         eprint!("{GREETING}");
     }
     let mut input = io::stdin().lock();
-    let mut failed = 0;
+    let mut tally = Tally::default();
     loop {
         if watched {
             eprint!("> ");
@@ -44,20 +64,14 @@ pub(super) fn run(session: &mut Session<'_>) -> Result<Exit, Failure> {
         match next_line(&mut input).context("read standard input").or_failed()? {
             Line::End => break,
             Line::TooLong => {
-                eprintln!("failed to read a line of more than {MAX_LINE_BYTES} bytes; all of it is left out");
-                failed += 1;
+                tally
+                    .skip(&format!("read a line of more than {MAX_LINE_BYTES} bytes; all of it is left out"));
             }
             Line::Text(line) if line.is_empty() => {}
-            Line::Text(line) => match one(session, &line) {
-                Ok(skipped) => failed += skipped,
-                Err(error) => {
-                    eprintln!("failed to {error:#}");
-                    failed += 1;
-                }
-            },
+            Line::Text(line) => one(session, &line, &mut tally)?,
         }
     }
-    Ok(if failed > 0 { Exit::Skipped } else { Exit::Clean })
+    Ok(tally.exit())
 }
 
 /// The next line, of which never more than the limit is held.
@@ -90,44 +104,51 @@ fn skip_line(input: &mut impl BufRead) -> io::Result<()> {
     }
 }
 
-/// Translates a line; the number of motions of a folder that were skipped.
-fn one(session: &mut Session<'_>, line: &str) -> anyhow::Result<usize> {
+/// Translates a line, which is the name of a file or folder of motions, or a sentence.
+fn one(session: &mut Session<'_>, line: &str, tally: &mut Tally) -> Result<(), Failure> {
     let path = Path::new(line);
     if path.is_file() || path.is_dir() {
-        let dataset = open(session.args, path)?;
-        let mut skipped = dataset.skipped().len();
-        for input in dataset.skipped() {
-            eprintln!("skipped {}: {}", input.id, input.reason);
-        }
-        for entry in dataset.entries() {
-            let record = dataset
-                .load(entry)
-                .map_err(|skipped| skipped.reason)
-                .and_then(|sample| DescribedRecord::new(session, sample).map_err(|error| error.to_string()));
-            match record {
-                Ok(record) => {
-                    session.print(&record, DescribedRecord::text).map_err(|failure| failure.error)?;
-                }
-                Err(reason) => {
-                    eprintln!("skipped {}: {reason}", entry.id);
-                    skipped += 1;
-                }
+        match open(session.args, path) {
+            Ok(dataset) => {
+                let steps = Steps::new(true, dataset.entries().len());
+                let told = |record| session.print(&record, DescribedRecord::text);
+                let Inputs { used, skipped } = session.describe_each(&dataset, &steps, told)?;
+                tally.inputs.used += used;
+                tally.inputs.skipped += skipped;
             }
+            Err(error) => tally.skip(&message(&error)),
         }
-        return Ok(skipped);
+        return Ok(());
     }
+    match acted(session, line) {
+        Ok(record) => {
+            session.print(&record, ActedRecord::text)?;
+            tally.inputs.used += 1;
+            tally.num_failed += usize::from(record.has_failed());
+        }
+        Err(error) => tally.skip(&message(&error)),
+    }
+    Ok(())
+}
+
+fn acted(session: &mut Session<'_>, sentence: &str) -> anyhow::Result<ActedRecord> {
     if let Some(vectors) = &mut session.vectors {
-        vectors.look_up_line(&mut session.translator, line)?;
+        vectors.look_up_line(&mut session.translator, sentence)?;
     }
-    let actor = Actor::new(session)?;
-    let record = actor.finish(actor.act(None, line)?, &[])?;
-    session.print(&record, ActedRecord::text).map_err(|failure| failure.error)?;
-    Ok(0)
+    Ok(session.finish(session.act(None, sentence)?, &[])?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_failed_rollout_fails_the_lines() {
+        let inputs = Inputs { used: 3, skipped: 0 };
+        assert_eq!(Tally { inputs, num_failed: 0 }.exit(), Exit::Clean);
+        assert_eq!(Tally { inputs, num_failed: 1 }.exit(), Exit::Failed);
+        assert_eq!(Tally { inputs: Inputs { skipped: 1, ..inputs }, num_failed: 1 }.exit(), Exit::Failed);
+    }
 
     #[test]
     fn a_line_that_is_too_long_is_left_out_whole() {

@@ -14,18 +14,21 @@ use std::path::{Path, PathBuf};
 use anyhow::anyhow;
 use clap::Args;
 
-use self::act::{ActedRecord, Actor};
+use self::act::{ActedRecord, Fault};
 use self::describe::DescribedRecord;
+use self::perform::Stage;
 use self::vectors::Vectors;
 use self::write::Target;
 use super::choose::Choose;
-use super::exit::{Exit, Failure, OrExit};
+use super::exit::{Exit, Failure, Inputs, OrExit, message};
+use super::motions::check_hints;
 use super::progress::Steps;
 use super::train::Device;
-use super::{bundled, output};
-use crate::dataset::{CaptionFile, Dataset, OpenOptions};
+use super::{bundled, number, output};
+use crate::dataset::{CaptionFile, Dataset, OpenOptions, Skipped, Unstated};
 use crate::motion::{Body, bounds};
-use crate::translation::{Acting, DEFAULT_NOISE, DEFAULT_SETTLE_SECS, Search, Translator};
+use crate::report::counted;
+use crate::translation::{Acting, DEFAULT_NOISE, DEFAULT_SETTLE_SECS, Search, TranslationError, Translator};
 
 /// Exponent of the length normalisation.
 const DEFAULT_LENGTH_NORM: f64 = 0.7;
@@ -49,13 +52,13 @@ pub(super) struct TranslateArgs {
     /// The sentence to make a motion of; - or nothing reads sentences, or names of motion files, from standard input
     #[arg(value_name = "SENTENCE", conflicts_with_all = ["motions", "captions"])]
     pub sentence: Option<String>,
-    /// Motions to describe: a file, folder or zip, as `eval-sim --motions` takes it
+    /// Motions to describe: a file, folder or zip, as eval-sim --motions takes it
     #[arg(long, visible_alias = "motion", value_name = "PATH", conflicts_with = "captions")]
     pub motions: Option<PathBuf>,
     /// File of sentences to make motions of (.txt, .tsv, .jsonl, .json)
     #[arg(long, value_name = "FILE")]
     pub captions: Option<PathBuf>,
-    /// Folder of a trained model, as `rprae train` leaves it [default: the bundled one]
+    /// Folder of a trained model, as rprae train leaves it [default: the bundled one]
     #[arg(long, value_name = "DIR")]
     pub bundle: Option<PathBuf>,
     /// Where the result goes, by its ending; may be given several times. Of a sentence: .xml (MMM), .npy (frames x 50),
@@ -90,21 +93,21 @@ pub(super) struct TranslateArgs {
     /// Let the humanoid perform every motion made in the simulator (level 2), and read back what it did
     #[arg(long)]
     pub perform: bool,
-    /// Word vectors for words the model was not trained on: word2vec .bin, or text as `GloVe` and fastText have it, also .gz
+    /// Word vectors for words the model was not trained on: word2vec .bin, or text as GloVe and fastText have it, also .gz
     #[arg(long, value_name = "FILE")]
     pub vectors: Option<PathBuf>,
     /// Noise on the latent from the second motion of --n-best on, as a share of its spread over the vocabulary [default: 0.5]
     #[arg(long, value_name = "SHARE")]
     pub noise: Option<f64>,
     /// Seed of that noise, and of sentences drawn [default: 0]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = number::seed)]
     pub seed: Option<u64>,
     /// Frames a second of the motions written and performed; more than the model's follow a smooth curve [default: 100]
     #[arg(long, value_name = "HZ")]
     pub out_rate: Option<f64>,
-    /// Body height in metres of motions made, and of number tables read
-    #[arg(long, value_name = "METRES", default_value_t = 1.75)]
-    pub height: f64,
+    /// Body height in metres of motions made, and of number tables read [default: 1.75]
+    #[arg(long, value_name = "METRES")]
+    pub height: Option<f64>,
     /// Frames per second of number tables read, which do not say it themselves
     #[arg(long, value_name = "HZ")]
     pub rate: Option<f64>,
@@ -130,6 +133,8 @@ struct Session<'a> {
     search: Search,
     /// Where words the model was not trained on are looked up.
     vectors: Option<Vectors<'a>>,
+    /// Where motions are performed, if they are; its physics are proved.
+    stage: Option<Stage>,
 }
 
 /// Translates what was given and prints it.
@@ -138,17 +143,25 @@ pub(super) fn run(args: &TranslateArgs) -> Result<Exit, Failure> {
     // Inputs and places for outputs are looked at before the model is loaded.
     let captions = args.captions.as_deref().map(CaptionFile::read).transpose().or_usage()?;
     let motions = args.motions.as_deref().map(|path| open(args, path)).transpose().or_usage()?;
+    if let Some(dataset) = &motions {
+        let hints = [
+            ("--rate", args.rate.is_some(), Unstated::Rate),
+            ("--height", args.height.is_some(), Unstated::Height),
+        ];
+        check_hints(&hints, &[dataset]).or_usage()?;
+    }
     let length_of = args.length_of.as_deref().map(|path| duration(args, path)).transpose().or_usage()?;
     let targets = write::targets(args).or_usage()?;
 
     let translator = bundled::load(args.bundle.as_deref(), args.device).or_usage()?;
+    let stage = args.performs().then(|| Stage::new(args.quiet)).transpose().or_failed()?;
     let mut session = Session {
         args,
         translator,
         acting: Acting {
             length_secs: args.length.or(length_of),
             settle_secs: args.settle(),
-            body: Body::with_default_mass(args.height),
+            body: Body::with_default_mass(args.height()),
         },
         search: Search {
             choose: args.choose().into(),
@@ -159,6 +172,7 @@ pub(super) fn run(args: &TranslateArgs) -> Result<Exit, Failure> {
             most_words: None,
         },
         vectors: args.vectors.as_deref().map(|path| Vectors::new(path, args.quiet)),
+        stage,
     };
     match (&args.sentence, captions, motions) {
         (_, Some(file), _) => session.act_all(&file, &targets),
@@ -182,7 +196,7 @@ fn check(args: &TranslateArgs) -> anyhow::Result<()> {
     }
     within("noise", args.noise(), 0.0, 100.0)?;
     within("settle", args.settle(), 0.0, 10.0)?;
-    within("height", args.height, *bounds::HEIGHT_M.start(), *bounds::HEIGHT_M.end())?;
+    within("height", args.height(), *bounds::HEIGHT_M.start(), *bounds::HEIGHT_M.end())?;
     within("out-rate", args.out_rate(), *bounds::RATE_HZ.start(), *bounds::RATE_HZ.end())?;
     use_of::check(args)
 }
@@ -204,6 +218,10 @@ impl TranslateArgs {
         self.settle.unwrap_or(DEFAULT_SETTLE_SECS)
     }
 
+    fn height(&self) -> f64 {
+        self.height.unwrap_or(OpenOptions::default().height_m)
+    }
+
     fn out_rate(&self) -> f64 {
         self.out_rate.unwrap_or(DEFAULT_OUT_RATE_HZ)
     }
@@ -212,10 +230,15 @@ impl TranslateArgs {
     fn has_sentence(&self) -> bool {
         self.sentence.as_ref().is_some_and(|sentence| sentence != "-")
     }
+
+    /// Whether motions are performed: that is asked for, or a recording of it is.
+    fn performs(&self) -> bool {
+        self.perform || self.out.iter().any(|path| write::is_recording(path))
+    }
 }
 
 fn open(args: &TranslateArgs, path: &Path) -> anyhow::Result<Dataset> {
-    let options = OpenOptions { rate_hz: args.rate, height_m: args.height, ..OpenOptions::default() };
+    let options = OpenOptions { rate_hz: args.rate, height_m: args.height(), ..OpenOptions::default() };
     Ok(Dataset::open(path, &options)?)
 }
 
@@ -229,6 +252,7 @@ fn duration(args: &TranslateArgs, path: &Path) -> anyhow::Result<f64> {
             dataset.entries().len()
         ));
     };
+    check_hints(&[("--rate", args.rate.is_some(), Unstated::Rate)], &[&dataset])?;
     let sample =
         dataset.load(entry).map_err(|skipped| anyhow!("read {}: {}", path.display(), skipped.reason))?;
     Ok(sample.motion.duration_secs())
@@ -246,75 +270,100 @@ impl Session<'_> {
     /// One sentence, given on the command line.
     fn act_one(&mut self, sentence: &str, targets: &[Target]) -> Result<Exit, Failure> {
         self.look_up([sentence]).or_usage()?;
-        let actor = Actor::new(self).or_failed()?;
-        let acted = actor.act(None, sentence).or_usage()?;
-        let record = actor.finish(acted, targets).or_failed()?;
+        let acted = self.act(None, sentence).or_usage()?;
+        let record = self.finish(acted, targets).or_failed()?;
         write::records(targets, std::slice::from_ref(&record), None).or_failed()?;
         self.print(&record, ActedRecord::text)?;
         Ok(if record.has_failed() { Exit::Failed } else { Exit::Clean })
     }
 
-    /// A file of sentences.
+    /// A file of sentences. One that cannot be translated is skipped; a file that cannot be written ends the work.
     fn act_all(&mut self, file: &CaptionFile, targets: &[Target]) -> Result<Exit, Failure> {
         let texts = || file.records.iter().flat_map(|record| &record.texts).map(String::as_str);
         self.look_up(texts()).or_usage()?;
-        let actor = Actor::new(self).or_failed()?;
-        let mut skipped = file.skipped.len();
         for input in &file.skipped {
-            eprintln!("skipped {}: {}", input.id, input.reason);
+            eprintln!("skipped {input}");
         }
+        let mut skipped = file.skipped.len();
+        let source = self.args.captions.clone().unwrap_or_default();
         let steps = Steps::new(self.args.quiet || targets.is_empty(), file.num_captions());
         let mut records = Vec::new();
         for (number, text) in texts().enumerate() {
             let id = format!("{:05}", number + 1);
-            let outcome = match actor.act(Some(id.clone()), text) {
-                Ok(acted) => actor.finish(acted, targets).map_err(|error| format!("{error:#}")),
-                Err(error) => Err(error.to_string()),
-            };
-            steps.step(&id, outcome.as_ref().err().map(String::as_str));
-            match outcome {
+            let acted = self.act(Some(id.clone()), text).map_err(Fault::sentence);
+            match acted.and_then(|acted| self.finish(acted, targets)) {
                 Ok(record) => {
+                    steps.step(&id, None);
                     if targets.is_empty() {
                         self.print(&record, ActedRecord::text)?;
                     }
                     records.push(record);
                 }
-                Err(_) => skipped += 1,
+                Err(Fault::Sentence(error)) => {
+                    let input = Skipped { id, source: source.clone(), reason: message(&error) };
+                    steps.step(&input.id, Some(&input.to_string()));
+                    skipped += 1;
+                }
+                Err(fault @ Fault::Write(_)) => return Err(fault).or_failed(),
             }
         }
         steps.finish();
         write::records(targets, &records, Some(&act::manifest(&records))).or_failed()?;
-        let exit = self.print_counts(records.len(), "sentences", skipped, targets)?;
-        Ok(if records.iter().any(ActedRecord::has_failed) { Exit::Failed } else { exit })
+        let inputs = Inputs { used: records.len(), skipped };
+        self.print_counts(inputs, "sentence", targets)?;
+        let failed = records.iter().any(ActedRecord::has_failed);
+        Ok(inputs.exit().or_worse(if failed { Exit::Failed } else { Exit::Clean }))
     }
 
     /// Motions to be described.
     fn describe_all(&self, dataset: &Dataset, targets: &[Target]) -> Result<Exit, Failure> {
-        let mut skipped = dataset.skipped().len();
-        for input in dataset.skipped() {
-            eprintln!("skipped {}: {}", input.id, input.reason);
-        }
         let steps = Steps::new(self.args.quiet || targets.is_empty(), dataset.entries().len());
         let mut records = Vec::new();
-        for entry in dataset.entries() {
-            let outcome = dataset
-                .load(entry)
-                .map_err(|skipped| skipped.reason)
-                .and_then(|sample| DescribedRecord::new(self, sample).map_err(|error| error.to_string()));
-            steps.step(&entry.id, outcome.as_ref().err().map(String::as_str));
-            match outcome {
-                Ok(record) => {
-                    if targets.is_empty() {
-                        self.print(&record, DescribedRecord::text)?;
-                    }
-                    records.push(record);
-                }
-                Err(_) => skipped += 1,
+        let inputs = self.describe_each(dataset, &steps, |record| {
+            if targets.is_empty() {
+                self.print(&record, DescribedRecord::text)?;
             }
-        }
+            records.push(record);
+            Ok(())
+        })?;
         steps.finish();
         write::records(targets, &records, None).or_failed()?;
-        self.print_counts(records.len(), "motions", skipped, targets)
+        self.print_counts(inputs, "motion", targets)?;
+        Ok(inputs.exit())
+    }
+
+    /// Describes one motion of a dataset after the other; those that cannot be are told.
+    fn describe_each(
+        &self,
+        dataset: &Dataset,
+        steps: &Steps,
+        mut told: impl FnMut(DescribedRecord) -> Result<(), Failure>,
+    ) -> Result<Inputs, Failure> {
+        for input in dataset.skipped() {
+            eprintln!("skipped {input}");
+        }
+        let mut inputs = Inputs { used: 0, skipped: dataset.skipped().len() };
+        for entry in dataset.entries() {
+            let unreadable = |error: TranslationError| Skipped {
+                id: entry.id.clone(),
+                source: entry.source.clone(),
+                reason: error.to_string(),
+            };
+            let described =
+                dataset.load(entry).and_then(|sample| DescribedRecord::new(self, sample).map_err(unreadable));
+            match described {
+                Ok(record) => {
+                    steps.step(&entry.id, None);
+                    told(record)?;
+                    inputs.used += 1;
+                }
+                Err(input) => {
+                    steps.step(&entry.id, Some(&input.to_string()));
+                    inputs.skipped += 1;
+                }
+            }
+        }
+        Ok(inputs)
     }
 
     fn print<T: serde::Serialize>(&self, record: &T, text: impl Fn(&T) -> String) -> Result<(), Failure> {
@@ -323,22 +372,15 @@ impl Session<'_> {
         output::print(&text).or_failed()
     }
 
-    fn print_counts(
-        &self,
-        done: usize,
-        what: &str,
-        skipped: usize,
-        targets: &[Target],
-    ) -> Result<Exit, Failure> {
+    fn print_counts(&self, inputs: Inputs, what: &str, targets: &[Target]) -> Result<(), Failure> {
         if !targets.is_empty() && !self.args.quiet {
             let places: Vec<String> =
                 targets.iter().map(|target| target.path().display().to_string()).collect();
-            let text = format!("{done} {what} translated, {skipped} skipped: {}\n", places.join(", "));
+            let Inputs { used, skipped } = inputs;
+            let used = counted(used, what);
+            let text = format!("{used} translated, {skipped} skipped: {}\n", places.join(", "));
             output::print(&text).or_failed()?;
         }
-        if done == 0 && skipped > 0 {
-            return Err(anyhow!("translate anything: all {skipped} {what} were skipped")).or_usage();
-        }
-        Ok(if skipped > 0 { Exit::Skipped } else { Exit::Clean })
+        Ok(())
     }
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::anyhow;
 use serde::Serialize;
 
-use super::act::read_back_text;
+use super::act::{Fault, read_back_text};
 use crate::harness::{self, RunSettings};
 use crate::humanoid::Humanoid;
 use crate::manifest::VERSION;
@@ -62,10 +62,10 @@ impl Stage {
     }
 
     /// Performs a motion at level 2, recorded at `path` if there is one.
-    pub fn perform(&self, motion: &Motion, caption: &str, path: Option<&Path>) -> anyhow::Result<Performed> {
-        let humanoid = Humanoid::new(motion.body())?;
+    pub fn perform(&self, motion: &Motion, caption: &str, path: Option<&Path>) -> Result<Performed, Fault> {
+        let humanoid = Humanoid::new(motion.body()).map_err(Fault::sentence)?;
         let settings = &self.settings.simulation;
-        let simulation = Simulation::new(&humanoid, motion, settings)?;
+        let simulation = Simulation::new(&humanoid, motion, settings).map_err(Fault::sentence)?;
         let metadata = [
             ("rprae", VERSION.to_owned()),
             ("engine", format!("rapier {ENGINE_VERSION}")),
@@ -77,19 +77,21 @@ impl Stage {
             id: "translation",
             captions: &[caption.to_owned()],
             level: Level::L2,
-            settings: &self.settings.to_toml()?,
+            settings: &self.settings.to_toml().map_err(Fault::sentence)?,
             metadata: &metadata,
             sample_interval_secs: settings.steps_per_sample() as f64 * settings.dt_secs,
         };
         let mut recording =
             path.map_or_else(Recording::none, |path| Recording::new(Recorder::replace(path, &header)));
-        let rollout = simulation.run_under(Level::L2, &simulation.undisturbed(), &mut recording)?;
+        let rollout = simulation
+            .run_under(Level::L2, &simulation.undisturbed(), &mut recording)
+            .map_err(Fault::sentence)?;
         let scores = rollout_scores(&humanoid, &rollout);
         let scores_by_key: BTreeMap<&'static str, f64> =
             scores.iter().map(|score| (score.metric.key, score.value)).collect();
-        let result_json = serde_json::to_string_pretty(&scores_by_key)?;
-        recording.finish(&rollout, || result_json, &scores)?;
-        let motion = performed_motion(motion, &rollout)?;
+        let result_json = serde_json::to_string_pretty(&scores_by_key).map_err(Fault::sentence)?;
+        recording.finish(&rollout, || result_json, &scores).map_err(Fault::write)?;
+        let motion = performed_motion(motion, &rollout).map_err(Fault::sentence)?;
         Ok(Performed { motion, outcome: rollout.outcome, scores: scores_by_key })
     }
 }

@@ -2,7 +2,6 @@
 
 use anyhow::bail;
 
-use super::write::is_recording;
 use super::{Choose, TranslateArgs};
 
 /// Refuses the first option that has no effect on what is asked for.
@@ -30,11 +29,16 @@ pub(super) fn check(args: &TranslateArgs) -> anyhow::Result<()> {
         }
         return Ok(());
     }
-    let performs = args.perform || args.out.iter().any(|path| is_recording(path));
+    let performs = args.performs();
     let varied = args.noise.is_some() || args.seed.is_some() && !draws;
     if varied && args.n_best == 1 {
         let flag = if args.noise.is_some() { "--noise" } else { "--seed" };
         bail!("use {flag}: it acts from the second motion of a sentence on; ask for several with --n-best N");
+    }
+    if args.n_best > 1 && args.noise == Some(0.0) {
+        bail!(
+            "use --noise 0: all motions of --n-best would be the same; give more noise, or leave out --n-best"
+        );
     }
     if !makes {
         // Lines may be sentences or motions.
@@ -71,12 +75,15 @@ mod tests {
     #[test]
     fn options_without_effect_are_named() {
         type Change = fn(&mut TranslateArgs);
-        let bad: [(&str, Change); 11] = [
+        let bad: [(&str, Change); 12] = [
             ("--perform", |args| (args.motions, args.perform) = (Some("a".into()), true)),
             ("--round-trip", |args| (args.motions, args.round_trip) = (Some("a".into()), true)),
             ("--length", |args| (args.motions, args.length) = (Some("a".into()), Some(2.0))),
             ("--vectors", |args| (args.motions, args.vectors) = (Some("a".into()), Some("v".into()))),
             ("--noise", |args| (args.sentence, args.noise) = (Some("walk".to_owned()), Some(0.5))),
+            ("--noise 0", |args| {
+                (args.sentence, args.noise, args.n_best) = (Some("walk".to_owned()), Some(0.0), 2);
+            }),
             ("--beam", |args| (args.captions, args.beam) = (Some("a.txt".into()), Some(3))),
             ("--choose", |args| {
                 (args.captions, args.choose) = (Some("a.txt".into()), Some(Choose::Consensus));

@@ -8,6 +8,7 @@ use anyhow::{Context as _, anyhow};
 use serde::Serialize;
 
 use super::{TranslateArgs, plot};
+use crate::cli::output::check_free;
 use crate::cli::retarget::npy;
 use crate::dataset::mmm::write_mmm;
 use crate::manifest::write_file;
@@ -89,8 +90,8 @@ pub(super) fn targets(args: &TranslateArgs) -> anyhow::Result<Vec<Target>> {
             Target::Folder(_) => Vec::new(),
             Target::Motion(path) | Target::Lines(path) => vec![path.clone()],
         };
-        if let Some(there) = files.iter().find(|file| file.exists() && !args.overwrite) {
-            return Err(anyhow!("write {}: it is there already; --overwrite replaces it", there.display()));
+        for file in &files {
+            check_free(file, args.overwrite)?;
         }
         if let Target::Folder(path) = &target {
             check_folder(path, args.overwrite)?;

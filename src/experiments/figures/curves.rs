@@ -11,6 +11,8 @@ const NUM_ANGLES: usize = 8;
 const PANEL: (f64, f64) = (330.0, 150.0);
 const MARGIN: f64 = 44.0;
 const LEGEND: f64 = 120.0;
+/// Lines of what was recorded.
+const DASHES: &str = " stroke-dasharray=\"4 3\" stroke-opacity=\"0.6\"";
 const COLOURS: [&str; NUM_ANGLES] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#777777"];
 
@@ -20,7 +22,7 @@ pub type Frames = [[f32; NUM_CHANNELS]];
 /// A motion's name, its recording, and what each system made.
 pub type CurveRow<'a> = (String, &'a Frames, Vec<&'a Frames>);
 
-/// A row a motion, a column a system: solid what it made, broken what was recorded, degrees over seconds.
+/// A row a motion, a column a system: solid what it made, dashed what was recorded, degrees over seconds.
 ///
 /// All frames are normalised by `normalizer`; each row has a motion of every system.
 #[must_use]
@@ -61,8 +63,23 @@ pub fn joint_curves(
             );
         }
     }
+    push_legend(&mut svg, width - LEGEND);
     svg.push_str("</svg>\n");
     svg
+}
+
+/// Which lines are which, above the names of the angles.
+fn push_legend(svg: &mut String, x: f64) {
+    for (y, dashes, name) in [(12.0, "", "made"), (26.0, DASHES, "recorded")] {
+        let _ = writeln!(
+            svg,
+            "<line x1=\"{x}\" x2=\"{}\" y1=\"{y}\" y2=\"{y}\" stroke=\"#000000\" stroke-width=\"1.4\"{dashes}/>\
+             <text x=\"{}\" y=\"{}\">{name}</text>",
+            x + 16.0,
+            x + 20.0,
+            y + 4.0
+        );
+    }
 }
 
 fn degrees(normalizer: &Normalizer, frames: &Frames) -> Vec<[f64; NUM_JOINTS]> {
@@ -120,7 +137,7 @@ fn panel(
         top + PANEL.1 + 13.0,
         last / rate_hz
     );
-    for (frames, dashes) in [(recorded, " stroke-dasharray=\"4 3\" stroke-opacity=\"0.6\""), (made, "")] {
+    for (frames, dashes) in [(recorded, DASHES), (made, "")] {
         for (&angle, colour) in angles.iter().zip(COLOURS) {
             let points: Vec<String> = frames
                 .iter()
@@ -151,7 +168,9 @@ mod tests {
         let (recorded, made) = (frames(20), frames(30));
         let svg = joint_curves(&normalizer, 10.0, &["ours"], &[("m".to_owned(), &recorded, vec![&made])]);
         assert_eq!(svg.matches("<polyline").count(), 2 * NUM_ANGLES);
-        assert_eq!(svg.matches("dasharray").count(), NUM_ANGLES);
+        // One more in the legend, which says what it is.
+        assert_eq!(svg.matches("dasharray").count(), NUM_ANGLES + 1);
+        assert!(svg.contains(">recorded<") && svg.contains(">made<"));
         assert!(!svg.contains("NaN") && svg.contains("2.9 s"));
     }
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::super::results::Results;
 use super::baseline::{Baseline, BaselineError};
+use crate::manifest::signature_difference;
 use crate::plausibility::Better;
 
 /// What a pair of values says.
@@ -99,6 +100,8 @@ pub struct MetricSummary {
     pub num_better: usize,
     /// Pairs beyond the tolerance in the bad direction.
     pub num_worse: usize,
+    /// Pairs beyond the tolerance in either direction, also of a metric that does not judge.
+    pub num_changed: usize,
     /// Mean accepted value over the pairs.
     pub mean_before: f64,
     /// Mean value of the run over the pairs.
@@ -173,7 +176,9 @@ fn redefined(baseline: &Baseline, results: &Results) -> Vec<String> {
         .filter_map(|(key, accepted)| {
             let now = results.metric(key)?;
             let (was, is) = ((&accepted.signature, accepted.better), (&now.signature, now.better));
-            (was != is).then(|| format!("{key}: {} {} is not {} {}", is.0, is.1.word(), was.0, was.1.word()))
+            let definition =
+                |(signature, better): (&String, Better)| format!("{signature}|{}", better.word());
+            (was != is).then(|| format!("{key}: {}", signature_difference(&definition(is), &definition(was))))
         })
         .collect()
 }
@@ -248,6 +253,7 @@ fn summarize(changes: &[Change]) -> Vec<MetricSummary> {
                 num_pairs: pairs.len(),
                 num_better: count(Verdict::Better),
                 num_worse: count(Verdict::Worse),
+                num_changed: pairs.len() - count(Verdict::Same),
                 mean_before: mean(|pair| pair.1),
                 mean_after: mean(|pair| pair.2),
                 most_changed_case: most.case.clone(),

@@ -2,16 +2,18 @@
 
 use std::fmt::Write as _;
 
-use super::super::number::{compact, escape_markdown, signed};
+use super::super::number::{compact, counted, escape_markdown, signed};
 use super::compare::{CaseFate, Comparison, Verdict};
 
-/// A comparison as Markdown: the verdict, cases that were not compared, changes beyond tolerance, one line a metric.
+/// A comparison as Markdown: the verdict, cases that were not compared, changes beyond tolerance, one line a metric that has any.
 #[must_use]
 pub fn comparison_markdown(comparison: &Comparison) -> String {
     let verdict = if comparison.is_regression() { "regression" } else { "no regression" };
     let num_compared = comparison.cases.iter().filter(|(_, fate)| *fate == CaseFate::Compared).count();
-    let mut text =
-        format!("# Comparison with the baseline: {verdict}\n\n{num_compared} cases compared; values:");
+    let mut text = format!(
+        "# Comparison with the baseline: {verdict}\n\n{} compared; values:",
+        counted(num_compared, "case")
+    );
     let all =
         [Verdict::Worse, Verdict::Missing, Verdict::Better, Verdict::Changed, Verdict::New, Verdict::Same];
     let counts = all.map(|verdict| format!(" {} {}", comparison.count(verdict), verdict.word()));
@@ -72,12 +74,18 @@ fn write_changes(text: &mut String, comparison: &Comparison) {
 }
 
 fn write_summaries(text: &mut String, comparison: &Comparison) {
+    let changed: Vec<_> = comparison.summaries.iter().filter(|summary| summary.num_changed > 0).collect();
+    let num_same = comparison.summaries.len() - changed.len();
+    if changed.is_empty() {
+        let _ = writeln!(text, "\n{} within tolerance in all cases.", counted(num_same, "metric"));
+        return;
+    }
     text.push_str(
-        "\n## By metric, over paired cases\n\n\
+        "\n## Changed metrics, over paired cases\n\n\
          | metric | pairs | worse | better | mean before | mean after | largest change | in case |\n\
          |---|---:|---:|---:|---:|---:|---:|---|\n",
     );
-    for summary in &comparison.summaries {
+    for summary in changed {
         let _ = writeln!(
             text,
             "| {} | {} | {} | {} | {} | {} | {} | {} |",
@@ -88,12 +96,11 @@ fn write_summaries(text: &mut String, comparison: &Comparison) {
             compact(summary.mean_before),
             compact(summary.mean_after),
             signed(summary.largest_change),
-            if summary.largest_change == 0.0 {
-                "-".to_owned()
-            } else {
-                escape_markdown(&summary.most_changed_case)
-            }
+            escape_markdown(&summary.most_changed_case)
         );
+    }
+    if num_same > 0 {
+        let _ = writeln!(text, "\n{} more within tolerance in all cases.", counted(num_same, "metric"));
     }
 }
 
@@ -115,5 +122,24 @@ mod tests {
         assert!(text.contains("| a | l0/skate | worse | 1.00 | 9.00 | +8.00 | 0.520 |"), "{text}");
         let worse = text.find("| worse |").unwrap();
         assert!(worse < text.find("| better |").unwrap());
+    }
+
+    #[test]
+    fn metrics_that_did_not_change_are_counted_and_not_listed() {
+        let compared = |skate: f64| {
+            let before = results(vec![case("a", &[("l0/skate", 1.0), ("l3/upright", 2.0)])]);
+            let after = results(vec![case("a", &[("l0/skate", skate), ("l3/upright", 2.001)])]);
+            comparison_markdown(&compare(&Baseline::accept(&before, None).unwrap(), &after).unwrap())
+        };
+        let text = compared(9.0);
+        assert!(text.contains("1 case compared"), "{text}");
+        assert!(text.contains("| l0/skate | 1 | 1 | 0 | 1.00 | 9.00 | +8.00 | a |"), "{text}");
+        assert!(text.ends_with("\n1 metric more within tolerance in all cases.\n"), "{text}");
+        assert!(!text.contains("l3/upright"), "{text}");
+        let text = compared(1.0);
+        assert!(
+            text.ends_with("\n2 metrics within tolerance in all cases.\n") && !text.contains('|'),
+            "{text}"
+        );
     }
 }
