@@ -67,7 +67,7 @@ fn wrong_usage_ends_with_two_and_says_why() {
     fs::write(folder.path().join("far.toml"), "[simulation]\nfriction = 50\n").unwrap();
     fs::write(folder.path().join("a.xml"), "").unwrap();
     let xml = ["--motions", "a.xml", "--levels", "L0"];
-    let cases: [(&[&str], &str); 16] = [
+    let cases: [(&[&str], &str); 15] = [
         (&["--frobnicate"], "--frobnicate"),
         (&["--levels", "L4"], "L0, L1, L2, L3"),
         (&["--dt", "1"], "failed to use the setting simulation.dt_secs: it is 1, expected 0.00001 to 0.02 s"),

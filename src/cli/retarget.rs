@@ -136,7 +136,7 @@ pub(super) fn run(args: &RetargetArgs) -> Result<Exit, Failure> {
         .collect();
     steps.finish();
     if args.quiet {
-        for input in datasets.iter().flat_map(|dataset| dataset.skipped()) {
+        for input in datasets.iter().flat_map(Dataset::skipped) {
             eprintln!("skipped {input}");
         }
     }

@@ -18,10 +18,10 @@ use crate::evaluation::{Baseline, Measurement, Panel, Resampling, SentenceEncode
 
 #[derive(Debug, Args)]
 pub(super) struct EvaluateArgs {
-    /// Sentences to score: a line each (.txt), or {"id": "7", "hypothesis": "..."} a line (.jsonl)
+    /// Sentences to score: a line each (.txt), or an object with an "id" and a "hypothesis" a line (.jsonl)
     #[arg(long, value_name = "FILE", required_unless_present = "bundle", conflicts_with = "bundle")]
     pub hypotheses: Option<PathBuf>,
-    /// What they should say: a line each, several between tabs, or {"id": "7", "references": ["..."]} a line; may be
+    /// What they should say: a line each, several between tabs, or an object with an "id" and a list of "references" a line; may be
     /// given several times, and the references of a segment add up
     #[arg(long, value_name = "FILE", required_unless_present = "bundle", conflicts_with = "bundle")]
     pub references: Vec<PathBuf>,
