@@ -21,7 +21,7 @@ pub(super) struct CurveArgs {
     #[arg(value_name = "CONDITION", value_delimiter = ',', value_parser = condition, required = true)]
     pub conditions: Vec<Condition>,
     /// Magnitudes instead of the usual ones, comma-separated; for one condition only
-    #[arg(long, value_name = "NUMBERS", value_delimiter = ',')]
+    #[arg(long, value_name = "NUMBERS", value_delimiter = ',', allow_hyphen_values = true)]
     pub points: Option<Vec<f64>>,
     /// Draws of what is random (a push's time and direction, the pose at the start) for each motion
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..=1000))]

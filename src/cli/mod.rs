@@ -202,9 +202,11 @@ mod tests {
             let refused = complete(Rprae::command()).try_get_matches_from(line.split(' ')).unwrap_err();
             assert!(refused.to_string().contains(part), "{refused}");
         }
-        for line in
-            ["rprae sim --mass -3 --dt -1", "rprae urdf --height -1", "rprae curve push --points -5,10"]
-        {
+        for line in [
+            "rprae sim --mass -3 --dt -1/480 --assist-limit -20%",
+            "rprae urdf --height -1",
+            "rprae curve push --points -5,10",
+        ] {
             complete(Rprae::command()).try_get_matches_from(line.split(' ')).unwrap();
         }
     }

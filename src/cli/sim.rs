@@ -60,10 +60,10 @@ pub(super) struct SimArgs {
     #[arg(long, value_name = "LEVELS", value_delimiter = ',', value_parser = resolve::level)]
     pub levels: Option<Vec<Level>>,
     /// Length of a simulation step in seconds, also as a fraction [default: 1/480]; longer is faster and less stable
-    #[arg(long, value_name = "SECONDS", value_parser = number::fraction)]
+    #[arg(long, value_name = "SECONDS", value_parser = number::fraction, allow_hyphen_values = true)]
     pub dt: Option<f64>,
     /// Largest assist force at the root at L2, as a share of body weight (0.2) or in percent of it (20%) [default: 0.2]
-    #[arg(long, value_name = "SHARE", value_parser = number::share_of_weight)]
+    #[arg(long, value_name = "SHARE", value_parser = number::share_of_weight, allow_hyphen_values = true)]
     pub assist_limit: Option<f64>,
     /// How joints are represented: balls is fast, multibody ten times slower and the reference [default: balls]
     #[arg(long, value_name = "FORM", value_parser = resolve::joint_form)]
