@@ -11,14 +11,12 @@ pub(super) type Hint = (&'static str, bool, Unstated);
 pub(super) fn check_hints(hints: &[Hint], datasets: &[&Dataset]) -> anyhow::Result<()> {
     for &(flag, is_given, what) in hints {
         if is_given && !datasets.iter().any(|dataset| dataset.leaves_open(what)) {
-            let stated = match what {
-                Unstated::Rate => {
-                    "none of these motions leaves its rate open; leave out the option, or resample them"
-                }
-                Unstated::Height => "none of these motions is a number table; the others state their height",
-                Unstated::Skeleton => "none of these motions can be of another skeleton than the humanoid's",
+            let why = match what {
+                Unstated::Rate => "each of these motions states its rate",
+                Unstated::Height => "each of these motions states the height of its body",
+                Unstated::Skeleton => "none of these motions is motion capture of another skeleton",
             };
-            bail!("use {flag}: {stated}");
+            bail!("use {flag}: {why}; leave out the option");
         }
     }
     Ok(())
