@@ -173,7 +173,7 @@ mod tests {
         ModelSettings::default().check().unwrap();
         ModelSettings::compact().check().unwrap();
         let error = ModelSettings { latent: 0, ..ModelSettings::default() }.check().unwrap_err();
-        assert_eq!(error.to_string(), "setting model.latent is 0, expected 1 to 4096");
+        assert_eq!(error.to_string(), "use the setting model.latent: it is 0, expected 1 to 4096");
         assert!(
             ModelSettings { own_output_share: f64::NAN, ..ModelSettings::default() }.check().is_err(),
             "a share that is no number"

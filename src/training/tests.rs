@@ -247,7 +247,12 @@ fn a_run_does_not_go_on_as_another() {
     drop(held);
     run_in(folder.path(), &theirs, Begin::Overwrite).unwrap();
     let nowhere = folder.path().join("nowhere");
-    assert!(run_in(&nowhere, &ours, Begin::Resume).unwrap_err().to_string().contains("holds no run"));
+    assert!(
+        run_in(&nowhere, &ours, Begin::Resume)
+            .unwrap_err()
+            .to_string()
+            .contains("there is none; name its folder")
+    );
 }
 
 #[test]
