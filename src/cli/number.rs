@@ -33,13 +33,15 @@ pub(super) fn fraction(text: &str) -> Result<f64, String> {
 
 /// A share of body weight, up to 1, or in percent, which must be said: `0.2` and `20%` are the same, `20` is refused.
 pub(super) fn share_of_weight(text: &str) -> Result<f64, String> {
-    let expected = || "expected a share of body weight from 0 to 1, such as 0.2, or percent with their sign, such as 20%";
-    let number = |text: &str| text.trim().parse::<f64>().map_err(|_| expected().to_owned());
+    const EXPECTED: &str =
+        "expected a share of body weight from 0 to 1, such as 0.2, or percent with their sign, such as 20%";
+    let number = |text: &str| text.trim().parse::<f64>().map_err(|_| EXPECTED.to_owned());
     match text.trim().strip_suffix('%') {
         Some(percent) => Ok(number(percent)? / 100.0),
-        None => {
-            number(text).and_then(|share| if share > 1.0 { Err(expected().to_owned()) } else { Ok(share) })
-        }
+        None => match number(text)? {
+            share if share > 1.0 => Err(EXPECTED.to_owned()),
+            share => Ok(share),
+        },
     }
 }
 

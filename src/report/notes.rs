@@ -1,7 +1,7 @@
 //! What a reader should know about a case beyond its numbers.
 
 use super::case::{CaseResult, LevelResult};
-use super::number::compact;
+use super::number::{compact, counted};
 use crate::plausibility::PropSupport;
 
 /// Kind of a note, worst first.
@@ -76,8 +76,7 @@ pub fn notes(case: &CaseResult) -> Vec<Note> {
     }
     match case.warnings.len() + case.doubts().count() {
         0 => {}
-        1 => notes.push(note(NoteKind::Doubt, "1 warning".to_owned())),
-        count => notes.push(note(NoteKind::Doubt, format!("{count} warnings"))),
+        count => notes.push(note(NoteKind::Doubt, counted(count, "warning"))),
     }
     notes
 }
