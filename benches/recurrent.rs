@@ -21,9 +21,10 @@ use std::process::Stdio;
 use std::time::Instant;
 
 use burn::module::{Module, Param};
-use burn::optim::{AdamConfig, GradientsParams};
+use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Distribution, Tensor, TensorData};
 use rprae::model::ops::{Direction, LstmState, LstmWeights, lstm_closed_loop, lstm_last_state};
+use rprae::training::Adam;
 use serde_json::{Value, json};
 
 use peer::{Peer, median, script};
@@ -210,7 +211,7 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
     }
     let motions = Tensor::<3>::from_data(TensorData::new(values, [BATCH, width, CHANNELS]), &device);
     let mut model = Actions::new(&device);
-    let mut optimiser = AdamConfig::new().init();
+    let mut optimiser = ModuleOptimizer::from(Adam::new(0.9, 0.999, 1e-8));
     let mut ours = Times::default();
     let mut theirs: Vec<Times> = variants.iter().map(|_| Times::default()).collect();
     let (mut own_peak, mut own_parts) = (Vec::new(), [0.0; 3]);

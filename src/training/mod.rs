@@ -4,6 +4,7 @@
 //! a trained model. A run that was stopped at any moment goes on from its last checkpoint and ends with the same weights,
 //! to the last bit, as one that was never stopped.
 
+mod adam;
 mod batches;
 mod card;
 mod checkpoint;
@@ -21,6 +22,7 @@ mod sampler;
 mod settings;
 mod validation;
 
+pub use adam::Adam;
 pub use card::card;
 pub use checkpoint::Best;
 pub use curves::{curves, read_metrics};

@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
-use burn::optim::{Adam, AdamConfig, AdamState, AdaptiveMomentumState, Optimizer as _};
+use burn::optim::{AdamState, AdaptiveMomentumState, Optimizer as _};
 use burn::tensor::{Device, Gradients, Tensor, TensorData};
 
+use super::adam::Adam;
 use super::settings::TrainingSettings;
 use crate::model::{NamedTensor, Part, Rprae};
 
@@ -28,13 +29,8 @@ pub(super) struct NotFinite {
 
 impl Optimizer {
     pub(super) fn new(settings: &TrainingSettings) -> Self {
-        let adam = AdamConfig::new()
-            .with_beta_1(settings.beta_1)
-            .with_beta_2(settings.beta_2)
-            .with_epsilon(settings.epsilon)
-            .build();
         Self {
-            adam,
+            adam: Adam::new(settings.beta_1, settings.beta_2, settings.epsilon),
             learning_rate: settings.learning_rate,
             clip_norm: settings.clip_norm,
             states: BTreeMap::new(),
@@ -48,10 +44,10 @@ impl Optimizer {
     pub(super) fn step(
         &mut self,
         model: Rprae,
-        gradients: &Gradients,
+        mut gradients: Gradients,
         share: f64,
     ) -> (Rprae, Result<BTreeMap<Part, f64>, NotFinite>) {
-        let mut collect = Collect { path: Vec::new(), gradients, found: BTreeMap::new() };
+        let mut collect = Collect { path: Vec::new(), gradients: &mut gradients, found: BTreeMap::new() };
         model.visit(&mut collect);
         let mut found = collect.found;
         let norms = norms(&found);
@@ -137,7 +133,7 @@ fn norms(gradients: &BTreeMap<String, Tensor<1>>) -> BTreeMap<Part, f64> {
 
 struct Collect<'a> {
     path: Vec<String>,
-    gradients: &'a Gradients,
+    gradients: &'a mut Gradients,
     found: BTreeMap<String, Tensor<1>>,
 }
 
@@ -151,7 +147,7 @@ impl ModuleVisitor for Collect<'_> {
     }
 
     fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-        if let Some(gradient) = param.val().grad(self.gradients) {
+        if let Some(gradient) = param.val().grad_remove(self.gradients) {
             let size: usize = gradient.dims().iter().product();
             self.found.insert(self.path.join("."), gradient.reshape([size]));
         }

@@ -240,7 +240,7 @@ impl<'a> Run<'a> {
         }
         let share = self.settings.training.learning_rate_decay.factor(&self.plan, iteration);
         let gradients = (losses.total() + losses.length.clone()).backward();
-        let (model, norms) = self.optimizer.step(self.model.clone(), &gradients, share);
+        let (model, norms) = self.optimizer.step(self.model.clone(), gradients, share);
         self.model = model;
         let norms = norms.map_err(|found| {
             let part = match found.part {

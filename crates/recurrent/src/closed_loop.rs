@@ -143,15 +143,19 @@ impl<T: Number> ClosedLoop<T> {
                 part.add_table_gradient(back, table);
             }
         }
-        let layers = (0..decoder.layers.len())
-            .map(|layer| {
-                let gone: Vec<_> = self.parts.iter().map(|part| part.gone(layer)).collect();
-                weight_gradients(instructions, &gone)
-            })
-            .collect();
         let factors: Vec<_> =
             self.parts.iter().zip(&backs).map(|(part, back)| part.projection_factors(back)).collect();
-        let (projection, bias) = plain_outer(instructions, &factors);
+        // All at once: a thread that is done with one layer goes on with the next.
+        let ((projection, bias), layers) = rayon::join(
+            || plain_outer(instructions, &factors),
+            || {
+                let layers = (0..decoder.layers.len()).into_par_iter().map(|layer| {
+                    let gone: Vec<_> = self.parts.iter().map(|part| part.gone(layer)).collect();
+                    weight_gradients(instructions, &gone)
+                });
+                layers.collect()
+            },
+        );
         ClosedLoopGradients { first, initial, layers, projection, bias, table }
     }
 }

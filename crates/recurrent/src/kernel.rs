@@ -42,9 +42,9 @@ const fn block_rows(registers: usize) -> usize {
     if registers >= 32 { M_MAX } else { 2 }
 }
 
-/// Lines of the next weights that a block asks for at every turn: with few blocks, more of them.
-fn lines_ahead(rows: usize, block_rows: usize) -> usize {
-    if rows.div_ceil(block_rows) < WIDE { 2 } else { 1 }
+/// How many blocks rows fall into.
+fn num_blocks(rows: usize, registers: usize) -> usize {
+    rows.div_ceil(block_rows(registers))
 }
 
 /// Calls `$body` with `$m` the number of rows of each block, blocks as even as they can be.
@@ -52,7 +52,7 @@ macro_rules! blocks {
     ($s:ty, $t:ty, $rows:expr, |$row:ident, $m:ident| $body:expr) => {{
         let largest = block_rows(<$s as Lanes<$t>>::REGISTERS);
         let rows: usize = $rows;
-        let count = rows.div_ceil(largest);
+        let count = num_blocks(rows, <$s as Lanes<$t>>::REGISTERS);
         let mut $row = 0;
         for block in 0..count {
             let size = rows / count + usize::from(block < rows % count);
@@ -114,18 +114,18 @@ fn store<V: Copy, const M: usize>(block: &Block<V, M>, to: &mut [V]) {
 
 /// Adds the product of `M` rows of `left` (panels of `WIDTH` vectors) with the weights.
 #[inline(always)]
-fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: usize>(
+fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: usize, const LINES: usize>(
     s: S,
     mut sums: Block<S::V, M>,
     operand: Operand<'_, T>,
     row: usize,
-    lines: usize,
 ) -> Block<S::V, M> {
     let width = WIDTH * S::LANES;
-    // A block asks for a quarter of the next weights, a line at every turn, or for half of them, until all are on their way.
+    let line = LINE / size_of::<T>();
+    // A block asks for so many lines of the next weights at every turn, until all are on their way.
     let block = row / M;
-    let (mut next, line) = match operand.next.get(operand.next.len() / WIDE * lines * block..) {
-        Some(next) if lines * block < WIDE => (next.as_ptr(), LINE / size_of::<T>()),
+    let (mut next, step) = match operand.next.get(operand.next.len() / WIDE * LINES * block..) {
+        Some(next) if LINES * block < WIDE => (next.as_ptr(), LINES * line),
         _ => (operand.weights.as_ptr(), 0),
     };
     let weights = S::vectors(operand.weights);
@@ -139,10 +139,10 @@ fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: usize>(
         // Bounded by a constant on one side and by the iterator on the other, the loop needs no checks; with any, the
         // compiler would store all sums at every turn.
         for (k, weights) in (0..width).zip(weights.chunks_exact(WIDE)) {
-            // Where one line is due, the second is the same, and costs nothing.
-            fetch(next);
-            fetch(next.wrapping_add((lines - 1) * line));
-            next = next.wrapping_add(lines * line);
+            for ahead in 0..LINES {
+                fetch(next.wrapping_add(ahead * line));
+            }
+            next = next.wrapping_add(step);
             for m in 0..M {
                 let factor = s.splat(left[m * width + k]);
                 for v in 0..WIDE {
@@ -155,17 +155,16 @@ fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: usize>(
 }
 
 #[inline(always)]
-fn add_operand<T: Number, S: Lanes<T>, const M: usize>(
+fn add_operand<T: Number, S: Lanes<T>, const M: usize, const LINES: usize>(
     s: S,
     sums: Block<S::V, M>,
     operand: Operand<'_, T>,
     row: usize,
-    lines: usize,
 ) -> Block<S::V, M> {
     if operand.left.width == S::LANES {
-        add_product::<T, S, M, 1>(s, sums, operand, row, lines)
+        add_product::<T, S, M, 1, LINES>(s, sums, operand, row)
     } else {
-        add_product::<T, S, M, WIDE>(s, sums, operand, row, lines)
+        add_product::<T, S, M, WIDE, LINES>(s, sums, operand, row)
     }
 }
 
@@ -193,26 +192,26 @@ pub(crate) struct Product<'a, 'b, T: Number> {
     pub(crate) target: Target<'a, 'b, T>,
 }
 
-impl<T: Number> Kernel<T> for Product<'_, '_, T> {
+impl<T: Number> Product<'_, '_, T> {
+    /// Asks for so many lines of the next weights at every turn of a block.
     #[inline(always)]
-    fn run<S: Lanes<T>>(self, s: S) {
+    fn ahead<S: Lanes<T>, const LINES: usize>(self, s: S) {
         let start: [S::V; WIDE] = match self.start {
             Start::Zero => [s.splat(T::default()); WIDE],
             Start::Bias(bias) => std::array::from_fn(|v| S::vectors(bias)[v]),
         };
         let operand = self.operand;
-        let lines = lines_ahead(self.rows, block_rows(S::REGISTERS));
         match self.target {
             Target::Wide(out) => {
                 let out = S::vectors_mut(out);
                 blocks!(S, T, self.rows, |row, M| {
-                    let sums = add_operand::<T, S, M>(s, [start; M], operand, row, lines);
+                    let sums = add_operand::<T, S, M, LINES>(s, [start; M], operand, row);
                     store(&sums, &mut out[row * WIDE..]);
                 });
             }
             Target::Narrow(panels) => {
                 blocks!(S, T, self.rows, |row, M| {
-                    let sums = add_operand::<T, S, M>(s, [start; M], operand, row, lines);
+                    let sums = add_operand::<T, S, M, LINES>(s, [start; M], operand, row);
                     let mut block = [sums[0][0]; WIDE * M_MAX];
                     store(&sums, &mut block);
                     for (v, panel) in panels.iter_mut().enumerate() {
@@ -224,6 +223,13 @@ impl<T: Number> Kernel<T> for Product<'_, '_, T> {
                 });
             }
         }
+    }
+}
+
+impl<T: Number> Kernel<T> for Product<'_, '_, T> {
+    #[inline(always)]
+    fn run<S: Lanes<T>>(self, s: S) {
+        if num_blocks(self.rows, S::REGISTERS) < WIDE { self.ahead::<S, 2>(s) } else { self.ahead::<S, 1>(s) }
     }
 }
 
@@ -246,13 +252,11 @@ pub(crate) struct Step<'a, T: Number> {
     pub(crate) next: &'a mut [T],
 }
 
-impl<T: Number> Kernel<T> for Step<'_, T> {
+impl<T: Number> Step<'_, T> {
+    /// The gates before their activations; asks for so many lines of the next weights at every turn of a block.
     #[inline(always)]
-    fn run<S: Lanes<T>>(self, s: S) {
+    fn sum<S: Lanes<T>, const LINES: usize>(&mut self, s: S) {
         let gates = S::vectors_mut(self.gates);
-        let (previous, cells) = S::vectors_mut(self.cells).split_at_mut(self.row);
-        let (hidden, next) = (S::vectors_mut(self.hidden), S::vectors_mut(self.next));
-        let lines = lines_ahead(self.rows, block_rows(S::REGISTERS));
         blocks!(S, T, self.rows, |row, M| {
             let gates = &mut gates[row * WIDE..][..M * WIDE];
             let mut sums = match self.bias {
@@ -260,11 +264,25 @@ impl<T: Number> Kernel<T> for Step<'_, T> {
                 None => load(gates),
             };
             if let Some(input) = self.input {
-                sums = add_operand::<T, S, M>(s, sums, input, row, lines);
+                sums = add_operand::<T, S, M, LINES>(s, sums, input, row);
             }
-            sums = add_product::<T, S, M, 1>(s, sums, self.recurrent, row, lines);
+            sums = add_product::<T, S, M, 1, LINES>(s, sums, self.recurrent, row);
             store(&sums, gates);
         });
+    }
+}
+
+impl<T: Number> Kernel<T> for Step<'_, T> {
+    #[inline(always)]
+    fn run<S: Lanes<T>>(mut self, s: S) {
+        if num_blocks(self.rows, S::REGISTERS) < WIDE {
+            self.sum::<S, 2>(s)
+        } else {
+            self.sum::<S, 1>(s)
+        }
+        let gates = S::vectors_mut(self.gates);
+        let (previous, cells) = S::vectors_mut(self.cells).split_at_mut(self.row);
+        let (hidden, next) = (S::vectors_mut(self.hidden), S::vectors_mut(self.next));
         let states = hidden.iter_mut().zip(next).zip(cells.iter_mut().zip(previous));
         for (gates, ((hidden, next), (cell, previous))) in gates.chunks_exact_mut(WIDE).zip(states) {
             let (i, f) = (s.sigmoid(gates[0]), s.sigmoid(gates[1]));

@@ -34,7 +34,6 @@ pub(crate) fn weight_gradients<T: Number>(
             Factors { left: part.input, right: &part.history.gates, runs: vec![run] }
         })
         .collect();
-    let input = outer(instructions, &heard, Some(&mut bias));
     let before: Vec<Factors<'_, T>> = parts
         .iter()
         .map(|part| {
@@ -49,12 +48,11 @@ pub(crate) fn weight_gradients<T: Number>(
             Factors { left: &part.history.hidden, right: &part.history.gates, runs }
         })
         .collect();
-    let recurrent = outer(instructions, &before, None);
-    LayerGradients {
-        input: unpack_gates(&input, hidden, lanes),
-        recurrent: unpack_gates(&recurrent, hidden, lanes),
-        bias: unpack_gates(&bias, hidden, lanes),
-    }
+    let (input, recurrent) = rayon::join(
+        || unpack_gates(&outer(instructions, &heard, Some(&mut bias)), hidden, lanes),
+        || unpack_gates(&outer(instructions, &before, None), hidden, lanes),
+    );
+    LayerGradients { input, recurrent, bias: unpack_gates(&bias, hidden, lanes) }
 }
 
 /// Two matrices and the rows of theirs that belong together.
