@@ -51,17 +51,23 @@ pub struct LayerGradients<T> {
 /// A piece for each panel of the product, `[row of the matrix, 4 vectors]`.
 pub(crate) type Packed<T> = Pieces<T>;
 
+/// Panels that are packed together: neighbours in each row, so that what is read is longer than a cache line.
+const TOGETHER: usize = 4;
+
 /// Packs a matrix `[row, 4 * hidden]` for the gates of each panel of units.
 pub(crate) fn pack_gates<T: Number>(matrix: &[T], hidden: usize, lanes: usize) -> Packed<T> {
     let rows = matrix.len() / (WIDE * hidden);
-    let mut panels = Packed::zeros(hidden.div_ceil(lanes), rows * WIDE * lanes);
-    panels.par_iter_mut().enumerate().for_each(|(panel, packed)| {
-        let first = panel * lanes;
-        let units = lanes.min(hidden - first);
-        let sources = matrix.chunks_exact(WIDE * hidden);
-        for (packed, source) in packed.chunks_exact_mut(WIDE * lanes).zip(sources) {
-            for (packed, source) in packed.chunks_exact_mut(lanes).zip(source.chunks_exact(hidden)) {
-                packed[..units].copy_from_slice(&source[first..first + units]);
+    let mut panels = Packed::unset(hidden.div_ceil(lanes), rows * WIDE * lanes);
+    panels.par_groups_mut(TOGETHER).enumerate().for_each(|(group, panels)| {
+        let mut panels: Vec<_> = panels.collect();
+        let first = group * TOGETHER * lanes;
+        let units = (panels.len() * lanes).min(hidden - first);
+        for (index, source) in matrix.chunks_exact(hidden).enumerate() {
+            let source = source[first..first + units].chunks(lanes);
+            for (panel, source) in panels.iter_mut().zip(source) {
+                let (packed, padding) = panel[index * lanes..][..lanes].split_at_mut(source.len());
+                packed.copy_from_slice(source);
+                padding.fill(T::default());
             }
         }
     });
@@ -110,31 +116,35 @@ pub(crate) fn unpack_columns<T: Number>(packed: &Packed<T>, columns: usize, lane
     matrix
 }
 
-/// Packs the transpose of a matrix `[row, column]`: products with it run over columns and yield wide panels of rows.
+/// Neighbouring columns of a matrix and where they come among the factors of a product.
+struct Columns {
+    first: usize,
+    count: usize,
+    factor: usize,
+}
+
+/// Packs the transpose of a matrix `[row, column]`: products with it run over `depth` factors and yield wide panels of rows.
 ///
-/// Columns are taken in pieces: `pieces` yields, in the order of the product's factors, the first column and the number of
-/// columns of each piece, and with how many zeros it is filled up.
+/// Factors that are no columns are zeros. It is quickest to name columns in the order in which they lie in the matrix.
 fn pack_transposed<T: Number>(
     matrix: &[T],
-    columns: usize,
+    num_columns: usize,
     lanes: usize,
-    pieces: &[(usize, usize, usize)],
+    depth: usize,
+    columns: &[Columns],
 ) -> Packed<T> {
     let width = WIDE * lanes;
-    let depth: usize = pieces.iter().map(|(_, length, padding)| length + padding).sum();
-    let rows: Vec<&[T]> = matrix.chunks_exact(columns).collect();
+    let rows: Vec<&[T]> = matrix.chunks_exact(num_columns).collect();
     let mut panels = Packed::zeros(rows.len().div_ceil(width), depth * width);
     panels.par_iter_mut().zip(rows.par_chunks(width)).for_each(|(packed, rows)| {
-        let mut at = 0;
-        for &(first, length, padding) in pieces {
-            let target = &mut packed[at * width..][..length * width];
+        for &Columns { first, count, factor } in columns {
+            let target = &mut packed[factor * width..][..count * width];
             for (row, source) in rows.iter().enumerate() {
-                let source = &source[first..first + length];
+                let source = &source[first..first + count];
                 for (target, &number) in target.chunks_exact_mut(width).zip(source) {
                     target[row] = number;
                 }
             }
-            at += length + padding;
         }
     });
     panels
@@ -142,17 +152,19 @@ fn pack_transposed<T: Number>(
 
 /// Packs the transpose of a matrix `[row, 4 * hidden]` for factors that are gates of panels of units.
 pub(crate) fn pack_gates_transposed<T: Number>(matrix: &[T], hidden: usize, lanes: usize) -> Packed<T> {
-    let pieces: Vec<_> = (0..hidden)
-        .step_by(lanes)
-        .flat_map(|first| {
-            let units = lanes.min(hidden - first);
-            (0..WIDE).map(move |gate| (gate * hidden + first, units, lanes - units))
+    let panels = hidden.div_ceil(lanes);
+    let gates = (0..WIDE).flat_map(|gate| {
+        (0..panels).map(move |panel| Columns {
+            first: gate * hidden + panel * lanes,
+            count: lanes.min(hidden - panel * lanes),
+            factor: (panel * WIDE + gate) * lanes,
         })
-        .collect();
-    pack_transposed(matrix, WIDE * hidden, lanes, &pieces)
+    });
+    pack_transposed(matrix, WIDE * hidden, lanes, panels * WIDE * lanes, &gates.collect::<Vec<_>>())
 }
 
 /// Packs the transpose of a matrix `[row, column]`.
 pub(crate) fn pack_columns_transposed<T: Number>(matrix: &[T], columns: usize, lanes: usize) -> Packed<T> {
-    pack_transposed(matrix, columns, lanes, &[(0, columns, 0)])
+    let all = Columns { first: 0, count: columns, factor: 0 };
+    pack_transposed(matrix, columns, lanes, columns, &[all])
 }
