@@ -102,7 +102,7 @@ def main():
     torch.set_num_threads(arguments.parse_args().threads)
     torch.manual_seed(0)
     model = Actions()
-    optimiser = torch.optim.Adam(model.parameters(), 1e-3)
+    optimiser = torch.optim.Adam(model.parameters(), 1e-3, fused=True)
     print(json.dumps({"ready": True, "version": torch.__version__}), flush=True)
     for line in sys.stdin:
         request = json.loads(line)
