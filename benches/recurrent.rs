@@ -2,9 +2,9 @@
 //!
 //! `cargo bench --bench recurrent` alternates both programs in one run and prints medians and their ratios.
 //! Both sides do forward, mean squared error over valid frames, backward and a step of Adam on 80 motions of 50 channels: LSTM
-//! 50 -> 500, linear 500 -> 500, three LSTM layers 50 -> 500 -> 500 -> 500, linear 500 -> 50 with tanh. Our decoder hears its own
-//! output, a closed loop; `PyTorch`'s fused layers cannot do that and hear the true frame before, which is the same arithmetic.
-//! `PyTorch` also runs a closed loop of `LSTMCell` steps.
+//! 50 -> 500, linear 500 -> 500, three LSTM layers 50 -> 500 -> 500 -> 500, linear 500 -> 50 with tanh. Decoders hear the true frame
+//! before (teacher forcing), or their own output (a closed loop). `PyTorch`'s fused layers can only do the former, and are
+//! compared with ours that does; its loop of `LSTMCell` steps does the latter, and is compared with our closed loop.
 //!
 //! Two workloads: all motions 100 frames long, and lengths as in the KIT Motion-Language Dataset at 10 Hz, clipped to 10..=300.
 //! The lengths come from `$RPRAE_DATA/kit-ml/captions/kitml-index.tsv`; without it from a log-normal distribution with the same
@@ -23,7 +23,9 @@ use std::time::Instant;
 use burn::module::{Module, Param};
 use burn::optim::{GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Distribution, Tensor, TensorData};
-use rprae::model::ops::{Direction, LstmState, LstmWeights, lstm_closed_loop, lstm_last_state};
+use rprae::model::ops::{
+    Activation, Direction, LstmState, LstmWeights, lstm_closed_loop, lstm_last_state, lstm_open_loop,
+};
 use rprae::training::Adam;
 use serde_json::{Value, json};
 
@@ -89,8 +91,16 @@ impl Actions {
         }
     }
 
-    /// The mean squared error of the frames a motion is rebuilt to.
-    fn loss(&self, motions: &Tensor<3>, lengths: &[usize]) -> Tensor<1> {
+    /// The mean squared error of the frames a motion is rebuilt to, with a decoder that hears these frames, or itself.
+    ///
+    /// `targets` are the frames of `motions` without padding.
+    fn loss(
+        &self,
+        motions: &Tensor<3>,
+        heard: Option<&Tensor<3>>,
+        targets: &Tensor<2>,
+        lengths: &[usize],
+    ) -> Tensor<1> {
         let last =
             lstm_last_state(motions.clone(), lengths, None, &self.encoder.weights(), Direction::Forward);
         let latent = last.hidden.matmul(self.latent.val()) + self.latent_bias.val().unsqueeze();
@@ -98,12 +108,14 @@ impl Actions {
         let mut initial = vec![LstmState { hidden: latent, cell: zeros() }];
         initial.extend((1..3).map(|_| LstmState { hidden: zeros(), cell: zeros() }));
         let layers: Vec<_> = self.decoder.iter().map(Lstm::weights).collect();
-        let first = motions.clone().narrow(1, 0, 1).squeeze_dim(1);
         let projection = (self.output.val(), self.output_bias.val());
-        let said = lstm_closed_loop(first, lengths, initial, &layers, projection);
-        // Motions are zero in the padding, and so is what was said.
-        let frames: usize = lengths.iter().sum();
-        (said - motions.clone()).square().sum() / (frames * CHANNELS) as f64
+        let said = if let Some(heard) = heard {
+            lstm_open_loop(heard.clone(), lengths, initial, &layers, projection, Activation::Tanh)
+        } else {
+            let first = motions.clone().narrow(1, 0, 1).squeeze_dim(1);
+            lstm_closed_loop(first, lengths, initial, &layers, projection)
+        };
+        (said - targets.clone()).square().mean()
     }
 }
 
@@ -137,6 +149,15 @@ struct Times {
     wall: Vec<f64>,
     /// Of all processors together, seconds.
     cpu: Vec<f64>,
+    /// Of our forward pass, backward pass and update, on the clock.
+    parts: Vec<[f64; 3]>,
+}
+
+/// A program of the table, what its decoder hears and what it took.
+struct Program<'a> {
+    name: &'a str,
+    hears_itself: bool,
+    times: Times,
 }
 
 /// Lengths of captioned KIT motions, or of a distribution like theirs.
@@ -202,55 +223,62 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
     let variants: Vec<&str> = variants.split(',').collect();
     let device = Device::flex().autodiff();
     let mut values = vec![0.0_f32; BATCH * width * CHANNELS];
+    let mut valid = Vec::with_capacity(frames * CHANNELS);
     for (sequence, &length) in lengths.iter().enumerate() {
         for (place, value) in
             values[sequence * width * CHANNELS..][..length * CHANNELS].iter_mut().enumerate()
         {
             *value = ((place * (sequence + 7)) as f32 * 0.37).sin();
+            valid.push(*value);
         }
     }
     let motions = Tensor::<3>::from_data(TensorData::new(values, [BATCH, width, CHANNELS]), &device);
+    let targets = Tensor::<2>::from_data(TensorData::new(valid, [frames, CHANNELS]), &device);
     let mut model = Actions::new(&device);
     let mut optimiser = ModuleOptimizer::from(Adam::new(0.9, 0.999, 1e-8));
-    let mut ours = Times::default();
-    let mut theirs: Vec<Times> = variants.iter().map(|_| Times::default()).collect();
-    let (mut own_peak, mut own_parts) = (Vec::new(), [0.0; 3]);
+    // The frame before each one; the first one hears itself.
+    let before = motions.clone().narrow(1, 0, width - 1);
+    let before = Tensor::cat(vec![motions.clone().narrow(1, 0, 1), before], 1);
+    let program = |name, hears_itself| Program { name, hears_itself, times: Times::default() };
+    let mut ours = [program("rprae", false), program("rprae", true)];
+    let mut theirs: Vec<_> = variants.iter().map(|&name| program(name, name == "loop")).collect();
+    let mut own_peak = Vec::new();
     let mut peaks: Vec<Vec<f64>> = vec![Vec::new(); 2];
     // The first round warms both sides up.
     for round in 0..=rounds {
         peaks[0].push(own_matmul_gflops(2000));
-        let (start, cpu) = (Instant::now(), cpu_secs());
-        let loss = model.loss(&motions, lengths);
-        let forward = start.elapsed().as_secs_f64();
-        let gradients = GradientsParams::from_grads(loss.backward(), &model);
-        let backward = start.elapsed().as_secs_f64();
-        model = optimiser.step(1e-3, model, gradients);
-        let all = start.elapsed().as_secs_f64();
-        if round > 0 {
-            ours.wall.push(all);
-            ours.cpu.extend(cpu_secs().zip(cpu).map(|(after, before)| after - before));
-            for (sum, part) in own_parts.iter_mut().zip([forward, backward - forward, all - backward]) {
-                *sum += part / rounds as f64;
+        for Program { hears_itself, times, .. } in &mut ours {
+            let heard = (!*hears_itself).then_some(&before);
+            let (start, cpu) = (Instant::now(), cpu_secs());
+            let loss = model.loss(&motions, heard, &targets, lengths);
+            let forward = start.elapsed().as_secs_f64();
+            let gradients = GradientsParams::from_grads(loss.backward(), &model);
+            let backward = start.elapsed().as_secs_f64();
+            model = optimiser.step(1e-3, model, gradients);
+            let all = start.elapsed().as_secs_f64();
+            if round > 0 {
+                times.wall.push(all);
+                times.cpu.extend(cpu_secs().zip(cpu).map(|(after, before)| after - before));
+                times.parts.push([forward, backward - forward, all - backward]);
             }
         }
         own_peak.extend(peak_mib());
         let answer = ask(peer, &json!({"variant": "matmul", "size": 2000}))?;
         peaks[1].push(answer["gflops"].as_f64().ok_or("no speed")?);
-        for (variant, times) in variants.iter().zip(&mut theirs) {
-            let answer = ask(peer, &json!({"variant": variant, "lengths": lengths, "width": width}))?;
+        for Program { name, times, .. } in &mut theirs {
+            let answer = ask(peer, &json!({"variant": name, "lengths": lengths, "width": width}))?;
             if round > 0 {
                 times.wall.push(answer["secs"].as_f64().ok_or("no time")?);
                 times.cpu.push(answer["cpu_secs"].as_f64().ok_or("no processor time")?);
             }
             if round == rounds {
                 println!(
-                    "  {variant}: peak memory so far {:.0} MiB",
+                    "  {name}: peak memory so far {:.0} MiB",
                     answer["peak_mib"].as_f64().unwrap_or(0.0)
                 );
             }
         }
     }
-    let (own, own_cpu) = (median(&mut ours.wall), median(&mut ours.cpu));
     println!(
         "\n{name}: {frames} frames, longest {width}, {:.1} GFLOP; matmul 2000^3: torch {:.0}, gemm {:.0} GFLOP/s",
         gflop(frames),
@@ -258,28 +286,38 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
         median(&mut peaks[0]),
     );
     println!(
-        "| program | s an iteration | useful GFLOP/s | ratio to ours (lowest..highest) | processor s | ratio |"
+        "| program | hears | s an iteration | useful GFLOP/s | ratio to ours that hears the same (lowest..highest) \
+         | processor s | ratio | ratio to our closed loop |"
     );
-    println!("|---|---|---|---|---|---|");
-    println!("| rprae, closed loop | {own:.2} | {:.1} | 1 | {own_cpu:.2} | 1 |", gflop(frames) / own);
-    for (variant, times) in variants.iter().zip(&mut theirs) {
+    println!("|---|---|---|---|---|---|---|---|");
+    let own = ours.each_mut().map(|ours| (median(&mut ours.times.wall), median(&mut ours.times.cpu)));
+    let (closed_loop, _) = own[1];
+    for Program { name, hears_itself, times } in ours.iter_mut().chain(&mut theirs) {
         let (time, cpu) = (median(&mut times.wall), median(&mut times.cpu));
+        let (own, own_cpu) = own[usize::from(*hears_itself)];
         println!(
-            "| PyTorch {variant} | {time:.2} | {:.1} | {:.2} ({:.2}..{:.2}) | {cpu:.2} | {:.2} |",
+            "| {}{name} | {} | {time:.2} | {:.1} | {:.2} ({:.2}..{:.2}) | {cpu:.2} | {:.2} | {:.2} |",
+            if *name == "rprae" { "" } else { "PyTorch " },
+            if *hears_itself { "itself" } else { "true frames" },
             gflop(frames) / time,
             time / own,
             times.wall[0] / own,
             times.wall[times.wall.len() - 1] / own,
             cpu / own_cpu,
+            time / closed_loop,
         );
     }
-    println!(
-        "ours: forward {:.2} s, backward {:.2} s, Adam {:.2} s; peak memory {:.0} MiB\n",
-        own_parts[0],
-        own_parts[1],
-        own_parts[2],
-        own_peak.into_iter().fold(0.0, f64::max)
-    );
+    for Program { hears_itself, times, .. } in &ours {
+        let mean = |part: usize| times.parts.iter().map(|parts| parts[part]).sum::<f64>() / rounds as f64;
+        println!(
+            "ours, hearing {}: forward {:.2} s, backward {:.2} s, Adam {:.2} s",
+            if *hears_itself { "itself" } else { "true frames" },
+            mean(0),
+            mean(1),
+            mean(2),
+        );
+    }
+    println!("ours: peak memory {:.0} MiB\n", own_peak.into_iter().fold(0.0, f64::max));
     Ok(())
 }
 

@@ -4,8 +4,8 @@
 
 use burn::tensor::{Device, Gradients, Tensor, TensorData, activation};
 use rprae::model::ops::{
-    Direction, LstmState, LstmWeights, lstm_closed_loop, lstm_closed_loop_words, lstm_last_state,
-    lstm_sequence,
+    Activation, Direction, LstmState, LstmWeights, lstm_closed_loop, lstm_closed_loop_words, lstm_last_state,
+    lstm_open_loop, lstm_sequence,
 };
 
 /// Numbers spread over `[-scale, scale]`, the same in every run.
@@ -130,11 +130,25 @@ fn sequence(device: &Device, direction: Direction, plain: bool, last_only: bool)
     all
 }
 
-/// Output and all gradients of a closed loop of `layers` layers, or of one that says words.
-fn closed_loop(device: &Device, layers: usize, words: bool, plain: bool) -> Vec<Vec<f32>> {
+/// What a decoder hears.
+#[derive(Clone, Copy, PartialEq)]
+enum Hears {
+    Known(Activation),
+    Own,
+    Words,
+}
+
+/// Output and all gradients of a decoder.
+fn decoder(device: &Device, layers: usize, hears: Hears, plain: bool) -> Vec<Vec<f32>> {
     let (batch, feature, hidden) = (LENGTHS.len(), 4, 6);
-    let outputs = if words { 9 } else { feature };
-    let time = 5;
+    let outputs = match hears {
+        Hears::Known(_) => 7,
+        Hears::Own => feature,
+        Hears::Words => 9,
+    };
+    let has_tanh = matches!(hears, Hears::Known(Activation::Tanh) | Hears::Own);
+    // All inputs, of which a decoder that hears itself is given the first.
+    let inputs = numbers(1, [batch, WIDTH, feature], 1.0, device);
     let first = numbers(1, [batch, feature], 1.0, device);
     let table = numbers(2, [outputs, feature], 1.0, device);
     let projection = (numbers(3, [hidden, outputs], 0.6, device), numbers(4, [outputs], 0.3, device));
@@ -145,44 +159,57 @@ fn closed_loop(device: &Device, layers: usize, words: bool, plain: bool) -> Vec<
         })
         .collect();
     let (weights, states): (Vec<LstmWeights>, Vec<LstmState>) = stack.iter().cloned().unzip();
-    let output: Tensor<3> = if plain {
-        let rows = LENGTHS.iter().enumerate().map(|(sequence, &length)| {
+    let output: Tensor<2> = if plain {
+        let rows = LENGTHS.iter().enumerate().flat_map(|(sequence, &length)| {
             let mut states: Vec<_> = states.iter().map(|state| row(state, sequence)).collect();
-            let mut x = first.clone().narrow(0, sequence, 1);
+            let mut next = first.clone().narrow(0, sequence, 1);
             let mut all = Vec::new();
-            for _ in 0..length {
+            for step in 0..length {
+                let known = || inputs.clone().narrow(0, sequence, 1).narrow(1, step, 1);
+                let mut x = if let Hears::Known(_) = hears { known().reshape([1, feature]) } else { next };
                 for (state, weights) in states.iter_mut().zip(&weights) {
                     *state = plain_step(x, state, weights);
                     x = state.hidden.clone();
                 }
                 let said = x.matmul(projection.0.clone()) + projection.1.clone().unsqueeze();
-                let said = if words { said } else { said.tanh() };
-                x = if words {
-                    table.clone().select(0, said.clone().argmax(1).reshape([1]))
-                } else {
-                    said.clone()
+                let said = if has_tanh { said.tanh() } else { said };
+                next = match hears {
+                    Hears::Words => table.clone().select(0, said.clone().argmax(1).reshape([1])),
+                    Hears::Own | Hears::Known(_) => said.clone(),
                 };
                 all.push(said);
             }
-            all.extend(zeros(time - length, outputs, device));
-            Tensor::cat(all, 0).unsqueeze()
+            all
         });
         Tensor::cat(rows.collect(), 0)
-    } else if words {
-        let state = states.into_iter().next().unwrap();
-        lstm_closed_loop_words(first.clone(), table.clone(), &LENGTHS, state, &weights[0], projection.clone())
     } else {
-        lstm_closed_loop(first.clone(), &LENGTHS, states, &weights, projection.clone())
+        let (first, inputs, projection) = (first.clone(), inputs.clone(), projection.clone());
+        match hears {
+            Hears::Known(activation) => {
+                lstm_open_loop(inputs, &LENGTHS, states, &weights, projection, activation)
+            }
+            Hears::Own => lstm_closed_loop(first, &LENGTHS, states, &weights, projection),
+            Hears::Words => {
+                let state = states.into_iter().next().unwrap();
+                lstm_closed_loop_words(first, table.clone(), &LENGTHS, state, &weights[0], projection)
+            }
+        }
     };
-    assert_eq!(output.dims(), [batch, time, outputs]);
-    let gradients = (output.clone() * numbers(7, [batch, time, outputs], 1.0, device)).sum().backward();
+    let frames = LENGTHS.iter().sum();
+    assert_eq!(output.dims(), [frames, outputs]);
+    let gradients = (output.clone() * numbers(7, [frames, outputs], 1.0, device)).sum().backward();
+    let heard = if let Hears::Known(_) = hears {
+        gradient(&inputs, &gradients)
+    } else {
+        gradient(&first, &gradients)
+    };
     let mut all = vec![
         values(&output),
-        gradient(&first, &gradients),
+        heard,
         gradient(&projection.0, &gradients),
         gradient(&projection.1, &gradients),
     ];
-    if words {
+    if hears == Hears::Words {
         all.push(gradient(&table, &gradients));
     }
     for (weights, state) in &stack {
@@ -190,6 +217,17 @@ fn closed_loop(device: &Device, layers: usize, words: bool, plain: bool) -> Vec<
     }
     all
 }
+
+/// Numbers of layers, and what decoders of as many hear.
+const DECODERS: [(usize, Hears); 7] = [
+    (1, Hears::Own),
+    (2, Hears::Own),
+    (3, Hears::Own),
+    (1, Hears::Words),
+    (1, Hears::Known(Activation::None)),
+    (2, Hears::Known(Activation::Tanh)),
+    (3, Hears::Known(Activation::Tanh)),
+];
 
 #[test]
 fn a_sequence_is_what_a_tape_makes_of_its_equations() {
@@ -229,14 +267,25 @@ fn last_only_on_a_tape(device: &Device, direction: Direction) -> Vec<Vec<f32>> {
 }
 
 #[test]
-fn a_closed_loop_is_what_a_tape_makes_of_its_equations() {
+fn a_decoder_is_what_a_tape_makes_of_its_equations() {
     let device = Device::flex().autodiff();
-    for layers in 1..=3 {
-        let want = closed_loop(&device, layers, false, true);
-        assert_close(&closed_loop(&device, layers, false, false), &want, 3e-5);
+    for (layers, hears) in DECODERS {
+        let want = decoder(&device, layers, hears, true);
+        assert_close(&decoder(&device, layers, hears, false), &want, 3e-5);
     }
-    let want = closed_loop(&device, 1, true, true);
-    assert_close(&closed_loop(&device, 1, true, false), &want, 3e-5);
+}
+
+#[test]
+fn an_open_loop_without_frames_has_gradients_of_zero() {
+    let device = Device::flex().autodiff();
+    let (weights, state) = (weights(2, 3, 5, &device), state(5, 2, 5, &device));
+    let projection = (numbers(3, [5, 4], 0.6, &device), numbers(4, [4], 0.3, &device));
+    let inputs = numbers(1, [2, 3, 3], 1.0, &device);
+    let (layers, states) = ([weights.clone()], vec![state.clone()]);
+    let output = lstm_open_loop(inputs, &[0, 0], states, &layers, projection, Activation::None);
+    assert_eq!(output.dims(), [0, 4]);
+    let gradients = layer_gradients(&weights, &state, &output.sum().backward());
+    assert!(gradients.iter().flatten().all(|&number| number == 0.0));
 }
 
 #[test]
@@ -265,8 +314,8 @@ fn a_gpu_agrees_with_the_cpu() {
         let want = sequence(&cpu, direction, false, false);
         assert_close(&sequence(&gpu, direction, false, false), &want, 3e-5);
     }
-    for (layers, words) in [(3, false), (1, true)] {
-        let want = closed_loop(&cpu, layers, words, false);
-        assert_close(&closed_loop(&gpu, layers, words, false), &want, 5e-5);
+    for (layers, hears) in DECODERS {
+        let want = decoder(&cpu, layers, hears, false);
+        assert_close(&decoder(&gpu, layers, hears, false), &want, 5e-5);
     }
 }

@@ -3,10 +3,10 @@
 use burn::module::Module;
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::batch::{MotionBatch, packed};
+use super::batch::MotionBatch;
 use super::feed::Feed;
 use super::layer::{Linear, Lstm};
-use super::ops::{Direction, LstmWeights, lstm_closed_loop, lstm_last_state, lstm_sequence};
+use super::ops::{Activation, Direction, LstmWeights, lstm_closed_loop, lstm_last_state, lstm_open_loop};
 use super::rae::Bottleneck;
 use super::{Draws, ModelSettings};
 use crate::motion::NUM_CHANNELS;
@@ -49,13 +49,13 @@ impl ActionRae {
         self.bottleneck.latent(vec![state])
     }
 
-    /// Frames that follow the first ones, `[batch, time, channel]`; zero after the steps of each motion.
+    /// Frames that follow the first ones, `[frame, channel]`, one motion after the other.
     ///
     /// `first` is `[batch, channel]`, and `num_steps` says how many frames each motion has after it.
     #[must_use]
-    pub fn generate(&self, latent: Tensor<2>, first: Tensor<2>, num_steps: &[usize]) -> Tensor<3> {
-        let layers: Vec<LstmWeights> = self.decoder.iter().map(Lstm::weights).collect();
-        lstm_closed_loop(first, num_steps, self.bottleneck.states(latent), &layers, self.output.weights())
+    pub fn generate(&self, latent: Tensor<2>, first: Tensor<2>, num_steps: &[usize]) -> Tensor<2> {
+        let (states, layers) = (self.bottleneck.states(latent), self.weights());
+        lstm_closed_loop(first, num_steps, states, &layers, self.output.weights())
     }
 
     /// What the decoder makes of [`MotionBatch::targets`] while it learns, `[frame, channel]`.
@@ -65,7 +65,7 @@ impl ActionRae {
         match feed {
             Feed::ClosedLoop => {
                 let first = batch.frames.clone().narrow(1, 0, 1).squeeze_dim(1);
-                packed(self.generate(latent, first, &num_steps), &num_steps)
+                self.generate(latent, first, &num_steps)
             }
             Feed::TeacherForcing => self.follow(latent, batch.frames.clone().narrow(1, 0, width), &num_steps),
             Feed::Mixed { share, draws } => {
@@ -81,11 +81,14 @@ impl ActionRae {
 
     /// One pass over known inputs, `[batch, time, channel]` to `[step, channel]`.
     fn follow(&self, latent: Tensor<2>, inputs: Tensor<3>, num_steps: &[usize]) -> Tensor<2> {
-        let states = self.bottleneck.states(latent);
-        let hidden = self.decoder.iter().zip(states).fold(inputs, |values, (layer, state)| {
-            lstm_sequence(values, num_steps, Some(state), &layer.weights(), Direction::Forward).0
-        });
-        self.output.forward(packed(hidden, num_steps)).tanh()
+        let (states, layers) = (self.bottleneck.states(latent), self.weights());
+        let projection = self.output.weights();
+        lstm_open_loop(inputs, num_steps, states, &layers, projection, Activation::Tanh)
+    }
+
+    /// Weights of the decoder's layers, from the bottom up.
+    fn weights(&self) -> Vec<LstmWeights> {
+        self.decoder.iter().map(Lstm::weights).collect()
     }
 }
 

@@ -6,7 +6,9 @@ use burn::tensor::{Device, Tensor, activation};
 use super::batch::{CaptionBatch, flat_words, indices, packed};
 use super::feed::Feed;
 use super::layer::{Linear, Lstm};
-use super::ops::{Direction, LstmState, lstm_closed_loop_words, lstm_last_state, lstm_sequence};
+use super::ops::{
+    Activation, Direction, LstmState, lstm_closed_loop_words, lstm_last_state, lstm_open_loop, lstm_sequence,
+};
 use super::rae::Bottleneck;
 use super::{DescriptionFeedback, Draws, ModelSettings};
 use crate::features::{BOS, Vocabulary};
@@ -71,7 +73,7 @@ impl DescriptionRae {
         let num_steps = batch.num_steps();
         match feed {
             Feed::ClosedLoop => match feedback {
-                DescriptionFeedback::ArgMax => packed(self.generate(latent, table, &num_steps), &num_steps),
+                DescriptionFeedback::ArgMax => self.generate(latent, table, &num_steps),
                 DescriptionFeedback::Expectation => self.expect(latent, table, &num_steps),
             },
             Feed::TeacherForcing => self.follow(latent, table, &batch.captions, &num_steps, batch.width - 1),
@@ -91,8 +93,8 @@ impl DescriptionRae {
         }
     }
 
-    /// Logits of a decoder that hears its most probable word, `[batch, time, vocab]`.
-    fn generate(&self, latent: Tensor<2>, table: &Tensor<2>, num_steps: &[usize]) -> Tensor<3> {
+    /// Logits of a decoder that hears its most probable word, `[step, vocab]`.
+    fn generate(&self, latent: Tensor<2>, table: &Tensor<2>, num_steps: &[usize]) -> Tensor<2> {
         let initial = self.initial(latent);
         let first = begin(table, num_steps.len());
         let weights = self.decoder.weights();
@@ -128,9 +130,8 @@ impl DescriptionRae {
         let dimensions = vectors.dims()[1];
         let vectors = vectors.reshape([captions.len(), width, dimensions]);
         let state = self.initial(latent);
-        let weights = self.decoder.weights();
-        let (hidden, _) = lstm_sequence(vectors, num_steps, Some(state), &weights, Direction::Forward);
-        self.output.forward(packed(hidden, num_steps))
+        let (weights, projection) = (self.decoder.weights(), self.output.weights());
+        lstm_open_loop(vectors, num_steps, vec![state], &[weights], projection, Activation::None)
     }
 
     /// The decoder before its first word; `latent` is `[batch, latent]`.

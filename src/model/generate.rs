@@ -135,16 +135,17 @@ impl Bundle {
         let firsts = TensorData::new(first.as_flattened().to_vec(), [batch, NUM_CHANNELS]);
         let frames =
             self.model.action.generate(latent.clone(), Tensor::from_data(firsts, &self.device()), &steps);
-        let width = frames.dims()[1];
         let values: Vec<f32> = frames.into_data().iter().collect();
-        let (frames, _) = values.as_chunks::<NUM_CHANNELS>();
-        frames
-            .chunks(width)
-            .zip(&steps)
+        let mut rest = values.as_chunks::<NUM_CHANNELS>().0;
+        let mut own = |steps: usize| {
+            let (own, others) = rest.split_at(steps);
+            rest = others;
+            own
+        };
+        steps
+            .iter()
             .zip(first)
-            .map(|((frames, &steps), first)| {
-                std::iter::once(first).chain(frames[..steps].iter().copied()).collect()
-            })
+            .map(|(&steps, first)| std::iter::once(first).chain(own(steps).iter().copied()).collect())
             .collect()
     }
 

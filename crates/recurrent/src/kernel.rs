@@ -78,10 +78,12 @@ macro_rules! blocks {
 mod outer;
 mod product;
 mod step;
+mod tanh;
 
 pub(crate) use outer::{Outer, Right, Run, groups};
 pub(crate) use product::{Operand, Product, Start, Target};
 pub(crate) use step::{Step, StepBack};
+pub(crate) use tanh::Tanh;
 
 // A block lives in registers only if every place in it is named by a constant: these loops are short enough to be unrolled.
 

@@ -1,9 +1,12 @@
 //! One layer: its packed weights, what it remembers of a batch, and the steps through it in both directions.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
-use crate::kernel::{Operand, Product, Start, Step, StepBack, Target};
+use crate::kernel::{Operand, Step, StepBack};
 use crate::lanes::Number;
+use crate::multiply::multiply_all;
 use crate::panels::{Panels, WIDE};
 use crate::plan::Plan;
 use crate::weights::{LayerWeights, Packed, pack_gates, pack_gates_transposed};
@@ -138,16 +141,18 @@ impl<T: Number> History<T> {
         if step == 0 { 0 } else { plan.batch() + plan.frames(step - 1).start }
     }
 
-    /// Fills the gates with the share of inputs known beforehand: one product over all frames.
-    pub(crate) fn hear(&mut self, plan: &Plan, weights: &Forward<T>, input: &Panels<T>, first_row: usize) {
-        let rows = plan.num_frames();
-        self.gates.panels.par_iter_mut().zip(weights.input.par_iter()).zip(weights.bias.par_iter()).for_each(
-            |((gates, packed), bias)| {
-                let operand = Operand { left: input, first_row, weights: packed, next: &[] };
-                let target = Target::Wide(gates);
-                T::run(plan.instructions, Product { start: Start::Bias(bias), operand, rows, target });
-            },
-        );
+    /// Fills the gates of these steps with the share of inputs known beforehand, in one product.
+    pub(crate) fn hear(
+        &mut self,
+        plan: &Plan,
+        weights: &Forward<T>,
+        steps: &Range<usize>,
+        input: &Panels<T>,
+        first_row: usize,
+    ) {
+        let frames = plan.frames_of(steps);
+        let (packed, bias, first_row) = (&weights.input, Some(&weights.bias), first_row + frames.start);
+        multiply_all(plan.instructions, input, first_row, packed, bias, &mut self.gates, frames);
     }
 
     pub(crate) fn step(&mut self, plan: &Plan, weights: &Forward<T>, step: usize, input: &Hears<'_, T>) {
@@ -172,6 +177,7 @@ impl<T: Number> History<T> {
                         let operand = Operand {
                             left,
                             first_row,
+                            first_panel: 0,
                             weights: &weights.input[panel],
                             next: following(&weights.input, panel),
                         };
@@ -186,6 +192,7 @@ impl<T: Number> History<T> {
                     recurrent: Operand {
                         left: latest,
                         first_row: 0,
+                        first_panel: 0,
                         weights: &weights.recurrent[panel],
                         next: following(&weights.recurrent, panel),
                     },

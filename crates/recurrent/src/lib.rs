@@ -2,7 +2,7 @@
 
 #![expect(clippy::inline_always, reason = "vector code keeps its instruction set only where it is inlined")]
 
-mod closed_loop;
+mod decoder;
 mod kernel;
 mod lanes;
 mod layer;
@@ -14,7 +14,7 @@ mod sequence;
 mod weight_gradients;
 mod weights;
 
-pub use closed_loop::{ClosedLoop, ClosedLoopGradients, Decoder, Feedback, Projection};
+pub use decoder::{Activation, Decoder, Hearing, Projection, Unrolled, UnrolledGradients};
 pub use layer::State;
 pub use plan::{Direction, Plan};
 pub use rprae_lanes::Instructions;

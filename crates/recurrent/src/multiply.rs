@@ -1,5 +1,7 @@
 //! Products of rows with packed weights, shared among threads.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 use rprae_lanes::Instructions;
 
@@ -52,7 +54,7 @@ pub(crate) fn multiply<T: Number>(
     let min = share(pieces.len(), pieces.len() * rows * left.columns * WIDE * lanes);
     pieces.par_iter_mut().with_min_len(min).for_each(|piece| {
         let start = piece.bias.map_or(Start::Zero, Start::Bias);
-        let operand = Operand { left, first_row, weights: piece.weights, next: piece.next };
+        let operand = Operand { left, first_row, first_panel: 0, weights: piece.weights, next: piece.next };
         let target = match &mut piece.target[..] {
             [wide] if wide.len() == rows * WIDE * lanes => Target::Wide(wide),
             narrow => Target::Narrow(narrow),
@@ -61,36 +63,93 @@ pub(crate) fn multiply<T: Number>(
     });
 }
 
-/// [`multiply`] for many rows at once: cut into pieces of rows too, so that one panel keeps all threads busy.
+/// Rows that meet all weights before the next do: they stay in the second cache meanwhile.
+const ROWS: usize = 120;
+
+/// The product of many rows, known beforehand, with packed weights: `target = left weights + bias` for some rows of the target;
+/// those of the left begin at `first_row`.
 pub(crate) fn multiply_all<T: Number>(
     instructions: Instructions,
     left: &Panels<T>,
     first_row: usize,
-    rows: usize,
     packed: &Packed<T>,
-    columns: usize,
-    width: usize,
-) -> Panels<T> {
-    const ROWS: usize = 120;
-    let lanes = T::lanes(instructions);
-    let mut product = Panels::unset(0, rows, columns, width);
-    let together = WIDE * lanes / width;
-    product.panels.par_groups_mut(together).zip(packed.par_iter()).for_each(|(panels, weights)| {
-        let mut chunks: Vec<Vec<&mut [T]>> = (0..rows.div_ceil(ROWS)).map(|_| Vec::new()).collect();
-        for panel in panels {
-            for (chunk, part) in chunks.iter_mut().zip(panel.chunks_mut(ROWS * width)) {
-                chunk.push(part);
-            }
+    bias: Option<&Packed<T>>,
+    target: &mut Panels<T>,
+    rows: Range<usize>,
+) {
+    let (lanes, width) = (T::lanes(instructions), target.width);
+    let mut pieces: Vec<Vec<Vec<&mut [T]>>> = (0..rows.len().div_ceil(ROWS)).map(|_| Vec::new()).collect();
+    for panels in target.panels.groups_mut(WIDE * lanes / width) {
+        let panels = panels.map(|panel| &mut panel[rows.start * width..rows.end * width]);
+        let mut panels: Vec<_> = panels.map(|panel| panel.chunks_mut(ROWS * width)).collect();
+        for piece in &mut pieces {
+            piece.push(panels.iter_mut().filter_map(Iterator::next).collect());
         }
-        chunks.par_iter_mut().enumerate().for_each(|(index, parts)| {
-            let rows = ROWS.min(rows - index * ROWS);
-            let operand = Operand { left, first_row: first_row + index * ROWS, weights, next: &[] };
-            let target = match &mut parts[..] {
+    }
+    // Few rows are shared among threads panel by panel.
+    let tasks = pieces.len() * packed.len();
+    let min = share(tasks, packed.len() * rows.len() * left.columns * WIDE * lanes).min(packed.len());
+    pieces.par_iter_mut().enumerate().for_each(|(piece, panels)| {
+        panels.par_iter_mut().enumerate().with_min_len(min).for_each(|(index, target)| {
+            let operand = Operand {
+                left,
+                first_row: first_row + piece * ROWS,
+                first_panel: 0,
+                weights: &packed[index],
+                next: following(packed, index),
+            };
+            let start = bias.map_or(Start::Zero, |bias| Start::Bias(&bias[index]));
+            let rows = ROWS.min(rows.len() - piece * ROWS);
+            let target = match &mut target[..] {
                 [wide] if width == WIDE * lanes => Target::Wide(wide),
                 narrow => Target::Narrow(narrow),
             };
-            T::run(instructions, Product { start: Start::Zero, operand, rows, target });
+            T::run(instructions, Product { start, operand, rows, target });
         });
     });
-    product
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::weights::pack_columns;
+
+    /// The number at a place of a matrix; small enough for exact sums.
+    fn number(seed: usize, row: usize, column: usize) -> f32 {
+        ((row * 31 + column * 17 + seed) % 23) as f32 - 11.0
+    }
+
+    #[test]
+    fn products_deeper_and_longer_than_a_piece_are_the_sums_they_should_be() {
+        let (rows, depth, columns) = (ROWS + 9, 1100, 70);
+        let weights: Vec<f32> =
+            (0..depth * columns).map(|at| number(1, at / columns, at % columns)).collect();
+        let bias: Vec<f32> = (0..columns).map(|column| number(2, 0, column)).collect();
+        for instructions in Instructions::all() {
+            let lanes = f32::lanes(instructions);
+            let packed = pack_columns(&weights, columns, lanes);
+            let bias_packed = pack_columns(&bias, columns, lanes);
+            for (left_width, width) in [(lanes, WIDE * lanes), (WIDE * lanes, lanes)] {
+                let mut left = Panels::zeros(rows + 1, depth, left_width);
+                for row in 0..rows {
+                    let values: Vec<f32> = (0..depth).map(|column| number(0, row, column)).collect();
+                    left.set_row(row + 1, &values);
+                }
+                let mut target = Panels::zeros(rows + 4, columns, width);
+                multiply_all(instructions, &left, 1, &packed, Some(&bias_packed), &mut target, 2..rows + 2);
+                let mut got = vec![f32::NAN; columns];
+                for row in 0..rows + 4 {
+                    target.get_row(row, &mut got);
+                    for (column, &got) in got.iter().enumerate() {
+                        let inside = row.checked_sub(2).filter(|&row| row < rows);
+                        let want = inside.map_or(0.0, |row| {
+                            let terms = (0..depth).map(|k| number(0, row, k) * number(1, k, column));
+                            number(2, 0, column) + terms.sum::<f32>()
+                        });
+                        assert_eq!(got, want, "row {row}, column {column} with {}", instructions.name());
+                    }
+                }
+            }
+        }
+    }
 }

@@ -67,10 +67,6 @@ impl<T: Number> Pieces<T> {
         pieces(&mut self.numbers, self.length, self.stride)
     }
 
-    pub(crate) fn par_iter(&self) -> impl IndexedParallelIterator<Item = &[T]> {
-        (0..self.count).into_par_iter().map(|piece| &self[piece])
-    }
-
     pub(crate) fn par_iter_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [T]> {
         let length = self.length;
         self.numbers.par_chunks_exact_mut(self.stride).map(move |piece| &mut piece[..length])

@@ -32,12 +32,17 @@ pub struct Plan {
     /// Sequences in the caller's batch.
     whole: usize,
     width: usize,
+    /// For each sequence of the caller's batch, its first row where sequences stand without padding, one after the other.
+    starts: Vec<usize>,
     direction: Direction,
     pub(crate) instructions: Instructions,
 }
 
 /// The fewest sequences worth a part of their own: with two blocks of them, weights are read twice for every time they are fetched.
 const ROWS_OF_A_PART: usize = 12;
+
+/// Frames worth a product of their own: the weights behind it are read once for them.
+const FRAMES_OF_A_BLOCK: usize = 240;
 
 /// First frame of each step for sequences of these lengths, not rising, and the number of frames at the end.
 fn offsets(lengths: &[usize]) -> Vec<usize> {
@@ -64,7 +69,13 @@ impl Plan {
         let steps = sorted.first().copied().unwrap_or(0);
         assert!(steps <= width, "a sequence of {steps} frames in a batch of width {width}");
         let offsets = offsets(&sorted);
-        Self { order, lengths: sorted, offsets, whole: lengths.len(), width, direction, instructions }
+        let starts = lengths.iter().scan(0, |next, length| {
+            let start = *next;
+            *next += length;
+            Some(start)
+        });
+        let starts = starts.collect();
+        Self { order, lengths: sorted, offsets, whole: lengths.len(), width, starts, direction, instructions }
     }
 
     /// The batch in parts that share nothing but the weights: threads that work on different parts need not wait for each other
@@ -88,7 +99,8 @@ impl Plan {
             .map(|rows| {
                 let lengths = self.lengths[rows.clone()].to_vec();
                 let offsets = offsets(&lengths);
-                Self { order: self.order[rows].to_vec(), lengths, offsets, ..*self }
+                let order = self.order[rows].to_vec();
+                Self { order, lengths, offsets, starts: self.starts.clone(), ..*self }
             })
             .collect()
     }
@@ -132,6 +144,24 @@ impl Plan {
         self.offsets[step]..self.offsets[step + 1]
     }
 
+    /// Frames of neighbouring steps.
+    pub(crate) fn frames_of(&self, steps: &Range<usize>) -> Range<usize> {
+        self.offsets[steps.start]..self.offsets[steps.end]
+    }
+
+    /// Neighbouring steps that go through all layers before the next do: what is written in between stays in the caches.
+    pub(crate) fn blocks(&self) -> Vec<Range<usize>> {
+        let mut blocks = Vec::new();
+        let mut first = 0;
+        for end in 1..=self.num_steps() {
+            if end == self.num_steps() || self.frames_of(&(first..end)).len() >= FRAMES_OF_A_BLOCK {
+                blocks.push(first..end);
+                first = end;
+            }
+        }
+        blocks
+    }
+
     /// Place in the caller's batch, row by row, the longest sequence first.
     #[must_use]
     pub fn order(&self) -> &[usize] {
@@ -140,16 +170,24 @@ impl Plan {
 
     /// For each frame in turn, where it stands in the caller's `[batch, time]`.
     pub fn places(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.num_steps())
-            .flat_map(move |step| (0..self.frames(step).len()).map(move |row| self.place(row, step)))
+        self.frames_in_turn().map(|(row, step)| self.order[row] * self.width + self.time(row, step))
     }
 
-    fn place(&self, row: usize, step: usize) -> usize {
-        let time = match self.direction {
+    /// For each frame in turn, where it stands among the caller's sequences without padding, one after the other.
+    pub fn packed_places(&self) -> impl Iterator<Item = usize> + '_ {
+        self.frames_in_turn().map(|(row, step)| self.starts[self.order[row]] + self.time(row, step))
+    }
+
+    /// Row and step of each frame.
+    fn frames_in_turn(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        (0..self.num_steps()).flat_map(move |step| (0..self.frames(step).len()).map(move |row| (row, step)))
+    }
+
+    fn time(&self, row: usize, step: usize) -> usize {
+        match self.direction {
             Direction::Forward => step,
             Direction::Backward => self.lengths[row] - 1 - step,
-        };
-        self.order[row] * self.width + time
+        }
     }
 
     /// The last frame of each row, in terms of frame numbers; none for an empty sequence.
@@ -159,10 +197,25 @@ impl Plan {
 
     /// Values `[batch, time, column]` as one row for each frame.
     pub(crate) fn gather<T: Number>(&self, values: &[T], columns: usize, width: usize) -> Panels<T> {
+        self.gather_from(values, columns, width, || self.places())
+    }
+
+    /// Values `[frame, column]` of sequences one after the other as one row for each frame.
+    pub(crate) fn gather_packed<T: Number>(&self, values: &[T], columns: usize, width: usize) -> Panels<T> {
+        self.gather_from(values, columns, width, || self.packed_places())
+    }
+
+    fn gather_from<T: Number, P: Iterator<Item = usize>>(
+        &self,
+        values: &[T],
+        columns: usize,
+        width: usize,
+        places: impl Fn() -> P + Sync,
+    ) -> Panels<T> {
         let mut panels = Panels::zeros(self.num_frames(), columns, width);
         let ranges: Vec<_> = panels.column_ranges().collect();
         panels.panels.par_iter_mut().zip(ranges).for_each(|(panel, range)| {
-            for (row, place) in panel.chunks_exact_mut(width).zip(self.places()) {
+            for (row, place) in panel.chunks_exact_mut(width).zip(places()) {
                 row[..range.len()].copy_from_slice(&values[place * columns..][range.clone()]);
             }
         });
@@ -171,20 +224,37 @@ impl Plan {
 
     /// The reverse of [`Plan::gather`]: rows from `first_row` on; the padding stays as it is.
     pub(crate) fn scatter<T: Number>(&self, panels: &Panels<T>, first_row: usize, values: &mut [T]) {
-        let columns = panels.columns;
-        if columns * self.width == 0 {
-            return;
+        if panels.columns * self.width > 0 {
+            let sequences = values.chunks_exact_mut(self.width * panels.columns).collect();
+            self.scatter_to(panels, first_row, sequences);
         }
+    }
+
+    /// The reverse of [`Plan::gather_packed`]: rows from `first_row` on; other sequences' stay as they are.
+    pub(crate) fn scatter_packed<T: Number>(&self, panels: &Panels<T>, first_row: usize, values: &mut [T]) {
+        let mut rest = values;
+        let mut sequences = Vec::with_capacity(self.whole);
+        for pair in self.starts.windows(2) {
+            let (sequence, after) = rest.split_at_mut((pair[1] - pair[0]) * panels.columns);
+            sequences.push(sequence);
+            rest = after;
+        }
+        sequences.push(rest);
+        self.scatter_to(panels, first_row, sequences);
+    }
+
+    /// Writes frames to the caller's sequences.
+    fn scatter_to<T: Number>(&self, panels: &Panels<T>, first_row: usize, sequences: Vec<&mut [T]>) {
+        let columns = panels.columns;
         let mut rows = vec![None; self.whole];
         for (row, &index) in self.order.iter().enumerate() {
             rows[index] = Some(row);
         }
-        values.par_chunks_exact_mut(self.width * columns).zip(rows).for_each(|(sequence, row)| {
+        sequences.into_par_iter().zip(rows).for_each(|(sequence, row)| {
             let Some(row) = row else { return };
             for step in 0..self.lengths[row] {
-                let time = self.place(row, step) % self.width;
                 let frame = first_row + self.offsets[step] + row;
-                panels.get_row(frame, &mut sequence[time * columns..][..columns]);
+                panels.get_row(frame, &mut sequence[self.time(row, step) * columns..][..columns]);
             }
         });
     }
@@ -232,6 +302,13 @@ mod tests {
                     assert_eq!(back[at], want);
                 }
             }
+            // Without padding: the frames of the first sequence, of the third and of the fourth.
+            let valid: Vec<f32> =
+                [0, 1, 8, 9, 10, 12].iter().flat_map(|&place| values[2 * place..][..2].to_vec()).collect();
+            assert_eq!(plan.gather_packed(&valid, 2, 16).panels[0], panels.panels[0]);
+            let mut back = vec![0.0; valid.len()];
+            plan.scatter_packed(&panels, 0, &mut back);
+            assert_eq!(back, valid);
         }
     }
 

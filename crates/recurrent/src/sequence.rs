@@ -54,9 +54,11 @@ impl<T: Number> Sequence<T> {
             .map(|plan| {
                 let input = plan.gather(input, feature, WIDE * lanes);
                 let mut history = History::new(&plan, initial, hidden, lanes);
-                history.hear(&plan, &packed, &input, 0);
-                for step in 0..plan.num_steps() {
-                    history.step(&plan, &packed, step, &Hears::Gates);
+                for steps in plan.blocks() {
+                    history.hear(&plan, &packed, &steps, &input, 0);
+                    for step in steps {
+                        history.step(&plan, &packed, step, &Hears::Gates);
+                    }
                 }
                 Part { plan, input, history }
             })
@@ -100,9 +102,9 @@ impl<T: Number> Sequence<T> {
         let input = want_input.then(|| {
             let mut input = vec![T::default(); self.plan.whole() * self.plan.width() * feature];
             for Part { plan, history, .. } in &self.parts {
-                let rows = plan.num_frames();
-                let product =
-                    multiply_all(instructions, &history.gates, 0, rows, &packed.input, feature, WIDE * lanes);
+                let frames = plan.num_frames();
+                let mut product = Panels::unset(0, frames, feature, WIDE * lanes);
+                multiply_all(instructions, &history.gates, 0, &packed.input, None, &mut product, 0..frames);
                 plan.scatter(&product, 0, &mut input);
             }
             input

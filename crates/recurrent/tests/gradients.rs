@@ -3,7 +3,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that is surprised should stop at once")]
 
 use rprae_recurrent::{
-    ClosedLoop, Decoder, Direction, Feedback, Instructions, LayerWeights, Plan, Projection, Sequence, State,
+    Activation, Decoder, Direction, Hearing, Instructions, LayerWeights, Plan, Projection, Sequence, State,
+    Unrolled,
 };
 
 /// Numbers spread evenly over `[-scale, scale]`, the same in every run.
@@ -161,12 +162,21 @@ fn a_sequence_has_the_gradients_of_its_values() {
     }
 }
 
+/// What a decoder in a test hears.
+#[derive(Clone, Copy, PartialEq)]
+enum Hears {
+    Known,
+    Own,
+    Words,
+}
+
 /// The shapes of a decoder in a test.
 struct Shape {
     hidden: Vec<usize>,
     feature: usize,
     outputs: usize,
-    words: bool,
+    hears: Hears,
+    activation: Activation,
 }
 
 const NAMES: [[&str; 5]; 3] = [
@@ -176,13 +186,14 @@ const NAMES: [[&str; 5]; 3] = [
 ];
 
 impl Shape {
-    fn arrays(&self, batch: usize) -> Arrays {
+    fn arrays(&self, batch: usize, width: usize) -> Arrays {
+        let steps = if self.hears == Hears::Known { width } else { 1 };
         let mut arrays = vec![
-            ("first", numbers(batch * self.feature, 1.0, 1)),
+            ("inputs", numbers(batch * steps * self.feature, 1.0, 1)),
             ("projection", numbers(self.hidden[self.hidden.len() - 1] * self.outputs, 0.9, 2)),
             ("projection bias", numbers(self.outputs, 0.5, 3)),
         ];
-        if self.words {
+        if self.hears == Hears::Words {
             arrays.push(("table", numbers(self.outputs * self.feature, 1.0, 4)));
         }
         let mut feature = self.feature;
@@ -211,32 +222,36 @@ impl Shape {
 
     fn with_decoder<R>(&self, arrays: &Arrays, run: impl FnOnce(&Decoder<'_, f64>) -> R) -> R {
         let layers = self.layers(arrays);
-        let feedback =
-            if self.words { Feedback::ArgMax { table: array(arrays, "table") } } else { Feedback::Tanh };
         let projection =
             Projection { weights: array(arrays, "projection"), bias: array(arrays, "projection bias") };
-        run(&Decoder { layers: &layers, projection, feedback })
+        run(&Decoder { layers: &layers, projection, activation: self.activation })
     }
 
-    fn run(&self, plan: Plan, arrays: &Arrays) -> ClosedLoop<f64> {
+    fn run(&self, plan: Plan, arrays: &Arrays) -> Unrolled<f64> {
         let states: Vec<(&[f64], &[f64])> = NAMES[..self.hidden.len()]
             .iter()
             .map(|[.., hidden, cell]| (array(arrays, hidden), array(arrays, cell)))
             .collect();
-        self.with_decoder(arrays, |decoder| {
-            ClosedLoop::<f64>::forward(plan, array(arrays, "first"), &states, decoder)
-        })
+        let inputs = array(arrays, "inputs");
+        let hearing = match self.hears {
+            Hears::Known => Hearing::Known(inputs),
+            Hears::Own => Hearing::Own(inputs),
+            Hears::Words => Hearing::Words { first: inputs, table: array(arrays, "table") },
+        };
+        self.with_decoder(arrays, |decoder| Unrolled::<f64>::forward(plan, hearing, &states, decoder))
     }
 
     /// Outputs of one sequence, straight from the equations.
-    fn plain(&self, arrays: &Arrays, sequence: usize, steps: usize) -> Vec<f64> {
+    fn plain(&self, arrays: &Arrays, width: usize, sequence: usize, steps: usize) -> Vec<f64> {
         let layers = self.layers(arrays);
         let row = |name, columns: usize| array(arrays, name)[sequence * columns..][..columns].to_vec();
         let mut states: Vec<_> =
             NAMES.iter().zip(&self.hidden).map(|(names, &h)| (row(names[3], h), row(names[4], h))).collect();
-        let mut x = row("first", self.feature);
+        let given = if self.hears == Hears::Known { width } else { 1 };
+        let inputs = row("inputs", given * self.feature);
+        let mut x = inputs[..self.feature].to_vec();
         let mut outputs = Vec::new();
-        for _ in 0..steps {
+        for step in 0..steps {
             let mut heard = x.clone();
             for ((hidden, cell), layer) in states.iter_mut().zip(&layers) {
                 plain_step(&heard, hidden, cell, layer);
@@ -249,14 +264,19 @@ impl Shape {
                         .map(|(unit, h)| h * array(arrays, "projection")[unit * self.outputs + column])
                         .sum();
                     let sum = sum + array(arrays, "projection bias")[column];
-                    if self.words { sum } else { sum.tanh() }
+                    if self.activation == Activation::Tanh { sum.tanh() } else { sum }
                 })
                 .collect();
-            x = if self.words {
-                let word = (0..self.outputs).max_by(|&a, &b| output[a].total_cmp(&output[b])).unwrap();
-                array(arrays, "table")[word * self.feature..][..self.feature].to_vec()
-            } else {
-                output.clone()
+            x = match self.hears {
+                Hears::Known if step + 1 < steps => {
+                    inputs[(step + 1) * self.feature..][..self.feature].to_vec()
+                }
+                Hears::Known => Vec::new(),
+                Hears::Own => output.clone(),
+                Hears::Words => {
+                    let word = (0..self.outputs).max_by(|&a, &b| output[a].total_cmp(&output[b])).unwrap();
+                    array(arrays, "table")[word * self.feature..][..self.feature].to_vec()
+                }
             };
             outputs.extend(output);
         }
@@ -267,23 +287,23 @@ impl Shape {
         let batch = lengths.len();
         let width = lengths.iter().max().unwrap() + 1;
         let plan = || Plan::new(lengths, width, Direction::Forward, Instructions::best());
-        let arrays = self.arrays(batch);
-        let output_weights = numbers(batch * width * self.outputs, 1.0, 99);
+        let arrays = self.arrays(batch, width);
+        let output_weights = numbers(lengths.iter().sum::<usize>() * self.outputs, 1.0, 99);
         let loss = |arrays: &Arrays| weighted(&self.run(plan(), arrays).output(), &output_weights);
 
         let way = self.run(plan(), &arrays);
         let output = way.output();
-        for (sequence, &length) in lengths.iter().enumerate() {
-            let mut want = self.plain(&arrays, sequence, length);
-            want.resize(width * self.outputs, 0.0);
-            for (got, want) in output[sequence * width * self.outputs..].iter().zip(&want) {
-                assert!((got - want).abs() < 1e-13, "{got} instead of {want}");
-            }
+        let sequences = lengths.iter().enumerate();
+        let want: Vec<f64> =
+            sequences.flat_map(|(sequence, &length)| self.plain(&arrays, width, sequence, length)).collect();
+        assert_eq!(output.len(), want.len());
+        for (got, want) in output.iter().zip(&want) {
+            assert!((got - want).abs() < 1e-13, "{got} instead of {want}");
         }
 
-        let gradients = self.with_decoder(&arrays, |decoder| way.backward(decoder, &output_weights));
+        let gradients = self.with_decoder(&arrays, |decoder| way.backward(decoder, &output_weights, true));
         let mut all: Arrays = vec![
-            ("first", gradients.first),
+            ("inputs", gradients.inputs.unwrap()),
             ("projection", gradients.projection),
             ("projection bias", gradients.bias),
         ];
@@ -298,28 +318,28 @@ impl Shape {
     }
 }
 
-#[test]
-fn a_decoder_of_three_layers_has_the_gradients_of_its_values() {
-    let shape = Shape { hidden: vec![4, 3, 5], feature: 2, outputs: 2, words: false };
+fn check_all(hidden: &[usize], feature: usize, outputs: usize, hears: Hears, activation: Activation) {
+    let shape = Shape { hidden: hidden.to_vec(), feature, outputs, hears, activation };
     for lengths in LENGTH_MIXES {
         shape.check(lengths);
     }
 }
 
 #[test]
-fn a_decoder_of_one_layer_has_the_gradients_of_its_values() {
-    let shape = Shape { hidden: vec![6], feature: 5, outputs: 5, words: false };
-    for lengths in LENGTH_MIXES {
-        shape.check(lengths);
-    }
+fn a_decoder_that_hears_itself_has_the_gradients_of_its_values() {
+    check_all(&[4, 3, 5], 2, 2, Hears::Own, Activation::Tanh);
+    check_all(&[6], 5, 5, Hears::Own, Activation::Tanh);
+    check_all(&[3], 2, 2, Hears::Own, Activation::None);
 }
 
 #[test]
 fn a_decoder_of_words_has_the_gradients_of_its_values() {
-    for hidden in [vec![5], vec![4, 3]] {
-        let shape = Shape { hidden, feature: 3, outputs: 7, words: true };
-        for lengths in LENGTH_MIXES {
-            shape.check(lengths);
-        }
-    }
+    check_all(&[5], 3, 7, Hears::Words, Activation::None);
+    check_all(&[4, 3], 3, 7, Hears::Words, Activation::None);
+}
+
+#[test]
+fn a_decoder_of_known_inputs_has_the_gradients_of_its_values() {
+    check_all(&[4, 3, 5], 2, 3, Hears::Known, Activation::Tanh);
+    check_all(&[6], 5, 4, Hears::Known, Activation::None);
 }

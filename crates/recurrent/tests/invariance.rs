@@ -3,7 +3,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that is surprised should stop at once")]
 
 use rprae_recurrent::{
-    ClosedLoop, Decoder, Direction, Feedback, Instructions, LayerWeights, Plan, Projection, Sequence, State,
+    Activation, Decoder, Direction, Hearing, Instructions, LayerWeights, Plan, Projection, Sequence, State,
+    Unrolled,
 };
 
 fn numbers(count: usize, scale: f32, seed: u32) -> Vec<f32> {
@@ -88,7 +89,17 @@ fn sequence(
     ]
 }
 
-fn closed_loop(lengths: &[usize], width: usize, words: bool, instructions: Instructions) -> Vec<Vec<f32>> {
+/// What a decoder in a test hears.
+#[derive(Clone, Copy, PartialEq)]
+enum Hears {
+    Known,
+    Own,
+    Words,
+}
+
+/// Everything a decoder yields: outputs of valid frames, and all gradients.
+fn decoder(lengths: &[usize], width: usize, hears: Hears, instructions: Instructions) -> Vec<Vec<f32>> {
+    let words = hears == Hears::Words;
     let batch = lengths.len();
     let layers = [Layer::new(FEATURE, 1), Layer::new(HIDDEN, 4), Layer::new(HIDDEN, 7)];
     let layers = if words { &layers[..1] } else { &layers[..] };
@@ -103,20 +114,34 @@ fn closed_loop(lengths: &[usize], width: usize, words: bool, instructions: Instr
     let decoder = Decoder {
         layers: &weights,
         projection: Projection { weights: &projection, bias: &bias },
-        feedback: if words { Feedback::ArgMax { table: &table } } else { Feedback::Tanh },
+        activation: if words { Activation::None } else { Activation::Tanh },
+    };
+    let mut inputs = numbers(batch * FEATURE, 1.0, 50);
+    if hears == Hears::Known {
+        inputs = vec![f32::NAN; batch * width * FEATURE];
+        for (sequence, &length) in lengths.iter().enumerate() {
+            let own = numbers(length * FEATURE, 1.0, 50 + sequence as u32);
+            inputs[sequence * width * FEATURE..][..own.len()].copy_from_slice(&own);
+        }
+    }
+    let hearing = match hears {
+        Hears::Known => Hearing::Known(&inputs),
+        Hears::Own => Hearing::Own(&inputs),
+        Hears::Words => Hearing::Words { first: &inputs, table: &table },
     };
     let plan = Plan::new(lengths, width, Direction::Forward, instructions);
-    let way = ClosedLoop::<f32>::forward(plan, &numbers(batch * FEATURE, 1.0, 50), &states, &decoder);
+    let way = Unrolled::<f32>::forward(plan, hearing, &states, &decoder);
     let output = way.output();
-    let mut d_output = vec![f32::NAN; batch * width * outputs];
-    let mut valid = Vec::new();
-    for (sequence, &length) in lengths.iter().enumerate() {
-        let range = sequence * width * outputs..(sequence * width + length) * outputs;
-        d_output[range.clone()].copy_from_slice(&numbers(length * outputs, 1.0, 60 + sequence as u32));
-        valid.extend_from_slice(&output[range]);
+    let rows = lengths.iter().enumerate();
+    let d_output: Vec<f32> =
+        rows.flat_map(|(sequence, &length)| numbers(length * outputs, 1.0, 60 + sequence as u32)).collect();
+    let gradients = way.backward(&decoder, &d_output, true);
+    let mut d_inputs = gradients.inputs.unwrap();
+    if hears == Hears::Known {
+        let rows = d_inputs.chunks_exact(width * FEATURE).zip(lengths);
+        d_inputs = rows.flat_map(|(row, &length)| row[..length * FEATURE].to_vec()).collect();
     }
-    let gradients = way.backward(&decoder, &d_output);
-    let mut all = vec![valid, gradients.first, gradients.projection, gradients.bias];
+    let mut all = vec![output, d_inputs, gradients.projection, gradients.bias];
     all.extend(gradients.table);
     for (layer, state) in gradients.layers.into_iter().zip(gradients.initial) {
         all.extend([layer.input, layer.recurrent, layer.bias, state.hidden, state.cell]);
@@ -133,6 +158,89 @@ fn bits(values: &[Vec<f32>]) -> Vec<Vec<u32>> {
     values.iter().map(|values| values.iter().map(|number| number.to_bits()).collect()).collect()
 }
 
+/// Sequences of more frames than go through all layers at once.
+fn long() -> Vec<usize> {
+    MANY.iter().map(|length| 6 * length).collect()
+}
+
+#[test]
+fn told_its_own_outputs_a_decoder_says_the_same() {
+    let (lengths, width) = (long(), 72);
+    let layers = [Layer::new(FEATURE, 1), Layer::new(HIDDEN, 4)];
+    let weights = layers.each_ref().map(Layer::weights);
+    let (projection, bias) = (numbers(HIDDEN * FEATURE, 0.3, 20), numbers(FEATURE, 0.3, 21));
+    let state = numbers(lengths.len() * HIDDEN, 0.5, 30);
+    let states = [(&state[..], &state[..]); 2];
+    let projection = Projection { weights: &projection, bias: &bias };
+    let decoder = Decoder { layers: &weights, projection, activation: Activation::Tanh };
+    for instructions in Instructions::all() {
+        let plan = || Plan::new(&lengths, width, Direction::Forward, instructions);
+        let first = numbers(lengths.len() * FEATURE, 1.0, 50);
+        let own = Unrolled::<f32>::forward(plan(), Hearing::Own(&first), &states, &decoder).output();
+        let mut heard = vec![f32::NAN; lengths.len() * width * FEATURE];
+        let mut said = &own[..];
+        for ((first, heard), length) in
+            first.chunks_exact(FEATURE).zip(heard.chunks_exact_mut(width * FEATURE)).zip(&lengths)
+        {
+            let (own, rest) = said.split_at(length * FEATURE);
+            said = rest;
+            heard[..FEATURE].copy_from_slice(first);
+            if let Some(before) = length.checked_sub(1) {
+                heard[FEATURE..][..before * FEATURE].copy_from_slice(&own[..before * FEATURE]);
+            }
+        }
+        let told = Unrolled::<f32>::forward(plan(), Hearing::Known(&heard), &states, &decoder).output();
+        assert_eq!(bits(&[own]), bits(&[told]), "with {}", instructions.name());
+    }
+}
+
+#[test]
+fn a_decoder_of_known_inputs_is_its_layers_one_after_the_other() {
+    let (lengths, width) = (long(), 72);
+    let batch = lengths.len();
+    let layers = [Layer::new(FEATURE, 1), Layer::new(HIDDEN, 4)];
+    let weights = layers.each_ref().map(Layer::weights);
+    // It says its hidden states.
+    let identity: Vec<f32> =
+        (0..HIDDEN * HIDDEN).map(|at| if at % (HIDDEN + 1) == 0 { 1.0 } else { 0.0 }).collect();
+    let projection = Projection { weights: &identity, bias: &[0.0; HIDDEN] };
+    let decoder = Decoder { layers: &weights, projection, activation: Activation::None };
+    let states = [[30, 31], [32, 33]].map(|seeds| seeds.map(|seed| numbers(batch * HIDDEN, 0.5, seed)));
+    let states = states.each_ref().map(|[hidden, cell]| (&hidden[..], &cell[..]));
+    let (inputs, d_output) =
+        (numbers(batch * width * FEATURE, 1.0, 50), numbers(batch * width * HIDDEN, 1.0, 60));
+    let valid = |padded: &[f32]| -> Vec<f32> {
+        let sequences = padded.chunks_exact(width * HIDDEN).zip(&lengths);
+        sequences.flat_map(|(sequence, length)| sequence[..length * HIDDEN].to_vec()).collect()
+    };
+    for instructions in Instructions::all() {
+        let plan = || Plan::new(&lengths, width, Direction::Forward, instructions);
+        let way = Unrolled::<f32>::forward(plan(), Hearing::Known(&inputs), &states, &decoder);
+        let output = way.output();
+        let all = way.backward(&decoder, &valid(&d_output), true);
+
+        let below = Sequence::<f32>::forward(plan(), &inputs, Some(states[0]), &weights[0]);
+        let above = Sequence::<f32>::forward(plan(), &below.output(), Some(states[1]), &weights[1]);
+        assert_eq!(bits(&[output]), bits(&[valid(&above.output())]), "with {}", instructions.name());
+        let above = above.backward(&weights[1], Some(&d_output), None, true);
+        let below = below.backward(&weights[0], above.input.as_deref(), None, true);
+        assert_eq!(bits(&[all.inputs.unwrap()]), bits(&[below.input.unwrap()]));
+        for ((got, initial), want) in all
+            .layers
+            .into_iter()
+            .zip(all.initial)
+            .zip([(below.weights, below.initial), (above.weights, above.initial)])
+        {
+            assert_eq!(
+                bits(&[got.input, got.recurrent, got.bias, initial.hidden, initial.cell]),
+                bits(&[want.0.input, want.0.recurrent, want.0.bias, want.1.hidden, want.1.cell]),
+                "with {}",
+                instructions.name()
+            );
+        }
+    }
+}
+
 #[test]
 fn padding_changes_no_bit() {
     for instructions in Instructions::all() {
@@ -142,10 +250,10 @@ fn padding_changes_no_bit() {
             assert!(narrow.iter().flatten().all(|number| number.is_finite()));
             assert_eq!(bits(&narrow), bits(&padded));
         }
-        for words in [false, true] {
-            let narrow = closed_loop(&MANY, 12, words, instructions);
+        for hears in [Hears::Known, Hears::Own, Hears::Words] {
+            let narrow = decoder(&MANY, 12, hears, instructions);
             assert!(narrow.iter().flatten().all(|number| number.is_finite()));
-            assert_eq!(bits(&narrow), bits(&closed_loop(&MANY, 20, words, instructions)));
+            assert_eq!(bits(&narrow), bits(&decoder(&MANY, 20, hears, instructions)));
         }
     }
 }
@@ -160,9 +268,11 @@ fn the_rest_of_the_batch_changes_no_bit_of_a_sequence() {
         let alone = sequence(&LENGTHS[..1], 7, 0.0, Direction::Forward, instructions);
         assert_eq!(bits(&[all[0][..7 * HIDDEN].to_vec()]), bits(&alone[..1]));
         assert_eq!(bits(&[all[3][..7 * FEATURE].to_vec()]), bits(&alone[3..4]));
-        let all = closed_loop(lengths, 12, false, instructions);
-        let alone = closed_loop(&LENGTHS[..1], 7, false, instructions);
-        assert_eq!(bits(&[all[0][..7 * FEATURE].to_vec()]), bits(&alone[..1]));
+        for hears in [Hears::Known, Hears::Own] {
+            let all = decoder(lengths, 12, hears, instructions);
+            let alone = decoder(&LENGTHS[..1], 7, hears, instructions);
+            assert_eq!(bits(&[all[0][..7 * FEATURE].to_vec()]), bits(&alone[..1]));
+        }
     }
 }
 
@@ -173,8 +283,9 @@ fn the_number_of_threads_changes_no_bit() {
         pool.install(|| {
             [
                 bits(&sequence(lengths, 12, 0.0, Direction::Backward, instructions)),
-                bits(&closed_loop(lengths, 12, false, instructions)),
-                bits(&closed_loop(lengths, 12, true, instructions)),
+                bits(&decoder(lengths, 12, Hears::Known, instructions)),
+                bits(&decoder(lengths, 12, Hears::Own, instructions)),
+                bits(&decoder(lengths, 12, Hears::Words, instructions)),
             ]
         })
     };
@@ -198,7 +309,8 @@ fn instructions_agree_within_rounding() {
     let all = Instructions::all();
     let run = |instructions| {
         let mut values = sequence(&LENGTHS, 12, 0.0, Direction::Forward, instructions);
-        values.extend(closed_loop(&LENGTHS, 12, false, instructions));
+        values.extend(decoder(&LENGTHS, 12, Hears::Known, instructions));
+        values.extend(decoder(&LENGTHS, 12, Hears::Own, instructions));
         values
     };
     let best = run(all[0]);

@@ -3,7 +3,8 @@
 #![expect(clippy::unwrap_used, reason = "a test that is surprised should stop at once")]
 
 use rprae_recurrent::{
-    ClosedLoop, Decoder, Direction, Feedback, Instructions, LayerWeights, Plan, Projection, Sequence, State,
+    Activation, Decoder, Direction, Hearing, Instructions, LayerWeights, Plan, Projection, Sequence, State,
+    Unrolled,
 };
 use serde_json::Value;
 
@@ -75,6 +76,12 @@ fn sequence(case: &Value) {
     assert_close("bias", &gradients.weights.bias, &want["bias"]);
 }
 
+/// The rows of `[batch, time, column]` that are no padding.
+fn valid(values: &[f64], lengths: &[usize], width: usize, columns: usize) -> Vec<f64> {
+    let sequences = values.chunks_exact(width * columns).zip(lengths);
+    sequences.flat_map(|(sequence, &length)| sequence[..length * columns].to_vec()).collect()
+}
+
 fn closed_loop(case: &Value) {
     let (lengths, hidden) = (sizes(&case["lengths"]), sizes(&case["hidden"]));
     let [width, feature, outputs] =
@@ -98,13 +105,17 @@ fn closed_loop(case: &Value) {
     let decoder = Decoder {
         layers: &weights,
         projection: Projection { weights: &projection, bias: &bias },
-        feedback: if words { Feedback::ArgMax { table: &table } } else { Feedback::Tanh },
+        activation: if words { Activation::None } else { Activation::Tanh },
     };
-    let way = ClosedLoop::<f64>::forward(plan, &numbers(1, batch * feature, 1.0), &states, &decoder);
-    assert_close("output", &way.output(), &case["output"]);
-    let gradients = way.backward(&decoder, &numbers(7, batch * width * outputs, 1.0));
+    let first = numbers(1, batch * feature, 1.0);
+    let hearing = if words { Hearing::Words { first: &first, table: &table } } else { Hearing::Own(&first) };
+    let way = Unrolled::<f64>::forward(plan, hearing, &states, &decoder);
+    let want = valid(&floats(&case["output"]), &lengths, width, outputs);
+    assert_close("output", &way.output(), &want.into());
+    let d_output = valid(&numbers(7, batch * width * outputs, 1.0), &lengths, width, outputs);
+    let gradients = way.backward(&decoder, &d_output, true);
     let want = &case["gradients"];
-    assert_close("first", &gradients.first, &want["first"]);
+    assert_close("first", &gradients.inputs.unwrap(), &want["first"]);
     assert_close("projection", &gradients.projection, &want["projection"]);
     assert_close("projection bias", &gradients.bias, &want["projection bias"]);
     if let Some(table) = gradients.table {

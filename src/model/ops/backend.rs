@@ -4,6 +4,7 @@ use std::fmt::Debug;
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, ExtensionType, backend_extension};
+use rprae_recurrent::Activation;
 
 use super::Direction;
 
@@ -28,7 +29,7 @@ pub trait RecurrentOps: Backend {
         outputs: bool,
     ) -> FloatTensor<Self>;
 
-    /// Stacked layers whose output is their next input, `[batch, time, feature]`.
+    /// Stacked layers whose output is their next input, `[frame, feature]`.
     fn recurrent_closed_loop(
         first: FloatTensor<Self>,
         projection: FloatTensor<Self>,
@@ -37,7 +38,17 @@ pub trait RecurrentOps: Backend {
         lengths: Vec<usize>,
     ) -> FloatTensor<Self>;
 
-    /// A layer that hears the words it says, `[batch, time, vocab]`.
+    /// Stacked layers over known inputs, `[frame, output]`.
+    fn recurrent_open_loop(
+        inputs: FloatTensor<Self>,
+        projection: FloatTensor<Self>,
+        projection_bias: FloatTensor<Self>,
+        #[extension_type] stack: Stack<Self>,
+        lengths: Vec<usize>,
+        activation: Activation,
+    ) -> FloatTensor<Self>;
+
+    /// A layer that hears the words it says, `[frame, vocab]`.
     fn recurrent_words(
         first: FloatTensor<Self>,
         projection: FloatTensor<Self>,
@@ -72,9 +83,9 @@ impl<B: Backend> Layer<B> {
     }
 }
 
-/// Inputs of a closed loop as a list: the first input, the projection's weights and bias, then for each layer its weights
-/// (input, recurrent, bias) and initial state (hidden, cell), and last the table, if there is one.
-pub fn closed_loop_inputs<B: Backend>(
+/// Inputs of a decoder as a list: the first input, or all of them, the projection's weights and bias, then for each layer its
+/// weights (input, recurrent, bias) and initial state (hidden, cell), and last the table, if there is one.
+pub fn decoder_inputs<B: Backend>(
     [first, projection, bias]: [FloatTensor<B>; 3],
     stack: Stack<B>,
     table: Option<FloatTensor<B>>,
@@ -101,12 +112,41 @@ pub struct SequenceTask {
     pub outputs: bool,
 }
 
+/// What a decoder is asked for.
+#[derive(Debug, Clone)]
+pub struct DecoderTask {
+    pub lengths: Vec<usize>,
+    pub hears: Hears,
+}
+
+/// What a decoder hears.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Hears {
+    /// Known inputs; see [`RecurrentOps::recurrent_open_loop`].
+    Known(Activation),
+    /// Its output, which is a tanh; see [`RecurrentOps::recurrent_closed_loop`].
+    Own,
+    /// The words it says; see [`RecurrentOps::recurrent_words`].
+    Words,
+}
+
+impl Hears {
+    /// What becomes of the projection.
+    pub fn activation(self) -> Activation {
+        match self {
+            Self::Known(activation) => activation,
+            Self::Own => Activation::Tanh,
+            Self::Words => Activation::None,
+        }
+    }
+}
+
 /// A backend that computes recurrences and their gradients.
 pub trait RecurrentBackend: Backend {
     /// What the way back needs of a way through a sequence.
     type Sequence: Clone + Send + Sync + Debug + 'static;
-    /// What the way back needs of a way through a closed loop.
-    type ClosedLoop: Clone + Send + Sync + Debug + 'static;
+    /// What the way back needs of a way through a decoder.
+    type Decoder: Clone + Send + Sync + Debug + 'static;
 
     /// See [`RecurrentOps::recurrent_sequence`].
     fn sequence_forward(
@@ -123,19 +163,18 @@ pub trait RecurrentBackend: Backend {
         want_input: bool,
     ) -> [Option<FloatTensor<Self>>; 6];
 
-    /// See [`RecurrentOps::recurrent_closed_loop`] and, for `words`, [`RecurrentOps::recurrent_words`]; the inputs as
-    /// [`closed_loop_inputs`] orders them.
-    fn closed_loop_forward(
+    /// The output of a decoder; the inputs as [`decoder_inputs`] orders them.
+    fn decoder_forward(
         inputs: Vec<FloatTensor<Self>>,
-        lengths: &[usize],
-        words: bool,
-    ) -> (FloatTensor<Self>, Self::ClosedLoop);
+        task: &DecoderTask,
+    ) -> (FloatTensor<Self>, Self::Decoder);
 
-    /// Gradients of the inputs, in their order.
-    fn closed_loop_backward(
-        way: Self::ClosedLoop,
+    /// Gradients of the inputs, in their order; that of known inputs may be missing unless `want_inputs`.
+    fn decoder_backward(
+        way: Self::Decoder,
         inputs: Vec<FloatTensor<Self>>,
         gradient: FloatTensor<Self>,
-        words: bool,
-    ) -> Vec<FloatTensor<Self>>;
+        task: &DecoderTask,
+        want_inputs: bool,
+    ) -> Vec<Option<FloatTensor<Self>>>;
 }

@@ -8,11 +8,12 @@ use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, cubecl};
 use cubecl::prelude::*;
 
-use super::Direction;
 use super::backend::{
-    Layer, RecurrentBackend, RecurrentOps, SequenceInputs, SequenceTask, Stack, closed_loop_inputs,
+    DecoderTask, Hears, Layer, RecurrentBackend, RecurrentOps, SequenceInputs, SequenceTask, Stack,
+    decoder_inputs,
 };
-use super::stepwise::{self, Cell, ClosedLoopWay, Pointwise, SequenceWay};
+use super::stepwise::{self, Cell, DecoderWay, Pointwise, SequenceWay};
+use super::{Activation, Direction};
 
 /// Threads that share a launch's cube.
 const CUBE: u32 = 256;
@@ -141,7 +142,7 @@ impl Pointwise for CubeBackend {
 
 impl RecurrentBackend for CubeBackend {
     type Sequence = SequenceWay<Self>;
-    type ClosedLoop = ClosedLoopWay<Self>;
+    type Decoder = DecoderWay<Self>;
 
     fn sequence_forward(inputs: SequenceInputs<Self>, task: &SequenceTask) -> (CubeTensor, Self::Sequence) {
         stepwise::sequence_forward(inputs, task)
@@ -157,21 +158,18 @@ impl RecurrentBackend for CubeBackend {
         stepwise::sequence_backward(way, inputs, gradient, task, want_input)
     }
 
-    fn closed_loop_forward(
-        inputs: Vec<CubeTensor>,
-        lengths: &[usize],
-        words: bool,
-    ) -> (CubeTensor, Self::ClosedLoop) {
-        stepwise::closed_loop_forward(inputs, lengths, words)
+    fn decoder_forward(inputs: Vec<CubeTensor>, task: &DecoderTask) -> (CubeTensor, Self::Decoder) {
+        stepwise::decoder_forward(inputs, task)
     }
 
-    fn closed_loop_backward(
-        way: Self::ClosedLoop,
+    fn decoder_backward(
+        way: Self::Decoder,
         inputs: Vec<CubeTensor>,
         gradient: CubeTensor,
-        words: bool,
-    ) -> Vec<CubeTensor> {
-        stepwise::closed_loop_backward(way, inputs, gradient, words)
+        task: &DecoderTask,
+        want_inputs: bool,
+    ) -> Vec<Option<CubeTensor>> {
+        stepwise::decoder_backward(way, inputs, gradient, task, want_inputs)
     }
 }
 
@@ -198,8 +196,20 @@ impl RecurrentOps for CubeBackend {
         stack: Stack<Self>,
         lengths: Vec<usize>,
     ) -> CubeTensor {
-        let inputs = closed_loop_inputs([first, projection, projection_bias], stack, None);
-        Self::closed_loop_forward(inputs, &lengths, false).0
+        let inputs = decoder_inputs([first, projection, projection_bias], stack, None);
+        Self::decoder_forward(inputs, &DecoderTask { lengths, hears: Hears::Own }).0
+    }
+
+    fn recurrent_open_loop(
+        inputs: CubeTensor,
+        projection: CubeTensor,
+        projection_bias: CubeTensor,
+        stack: Stack<Self>,
+        lengths: Vec<usize>,
+        activation: Activation,
+    ) -> CubeTensor {
+        let inputs = decoder_inputs([inputs, projection, projection_bias], stack, None);
+        Self::decoder_forward(inputs, &DecoderTask { lengths, hears: Hears::Known(activation) }).0
     }
 
     fn recurrent_words(
@@ -210,7 +220,7 @@ impl RecurrentOps for CubeBackend {
         layer: Layer<Self>,
         lengths: Vec<usize>,
     ) -> CubeTensor {
-        let inputs = closed_loop_inputs([first, projection, projection_bias], Stack::One(layer), Some(table));
-        Self::closed_loop_forward(inputs, &lengths, true).0
+        let inputs = decoder_inputs([first, projection, projection_bias], Stack::One(layer), Some(table));
+        Self::decoder_forward(inputs, &DecoderTask { lengths, hears: Hears::Words }).0
     }
 }

@@ -20,6 +20,7 @@ mod tape;
 
 use burn::backend::Dispatch;
 use burn::tensor::Tensor;
+pub use rprae_recurrent::Activation;
 
 use backend::{Layer, RecurrentOps, Stack};
 
@@ -126,8 +127,7 @@ fn sequence(
     ))
 }
 
-/// Stacked layers whose output `tanh(h W + b)` is their next input: `[batch, time, feature]`, with `time` the longest length
-/// and zeros after the last step of each sequence.
+/// Stacked layers whose output `tanh(h W + b)` is their next input: `[frame, feature]`, one sequence after the other.
 ///
 /// `first` `[batch, feature]` is the input of the first step, `initial` has one state for each layer, from the bottom up, and
 /// `projection` is `W` `[hidden, feature]` with `b` `[feature]`.
@@ -142,19 +142,9 @@ pub fn lstm_closed_loop(
     initial: Vec<LstmState>,
     layers: &[LstmWeights],
     projection: (Tensor<2>, Tensor<1>),
-) -> Tensor<3> {
-    assert_eq!(initial.len(), layers.len(), "one initial state for each layer");
-    let [batch, mut feature] = first.dims();
-    let mut stack = layers.iter().zip(initial).map(|(weights, state)| {
-        feature = check(weights, feature, batch, lengths);
-        layer(weights, state)
-    });
-    let stack = match (stack.next(), stack.next(), stack.next(), stack.next()) {
-        (Some(a), None, None, None) => Stack::One(a),
-        (Some(a), Some(b), None, None) => Stack::Two(a, b),
-        (Some(a), Some(b), Some(c), None) => Stack::Three(a, b, c),
-        _ => panic!("{} layers; a closed loop has one to three", layers.len()),
-    };
+) -> Tensor<2> {
+    let [batch, feature] = first.dims();
+    let stack = stack(batch, feature, lengths, initial, layers);
     Tensor::from_dispatch(<Dispatch as RecurrentOps>::recurrent_closed_loop(
         first.into_dispatch(),
         projection.0.into_dispatch(),
@@ -162,6 +152,57 @@ pub fn lstm_closed_loop(
         stack,
         lengths.to_vec(),
     ))
+}
+
+/// Stacked layers over known inputs `[batch, time, feature]`, and what the top one says, `h W + b` or its tanh:
+/// `[frame, output]`, one sequence after the other.
+///
+/// `initial` has one state for each layer, from the bottom up, and `projection` is `W` `[hidden, output]` with `b` `[output]`.
+/// What stands in the padding has no effect.
+///
+/// # Panics
+///
+/// If the shapes do not fit together, a length exceeds `time`, or there are no layers or more than three.
+#[must_use]
+pub fn lstm_open_loop(
+    inputs: Tensor<3>,
+    lengths: &[usize],
+    initial: Vec<LstmState>,
+    layers: &[LstmWeights],
+    projection: (Tensor<2>, Tensor<1>),
+    activation: Activation,
+) -> Tensor<2> {
+    let [batch, _, feature] = inputs.dims();
+    let stack = stack(batch, feature, lengths, initial, layers);
+    Tensor::from_dispatch(<Dispatch as RecurrentOps>::recurrent_open_loop(
+        inputs.into_dispatch(),
+        projection.0.into_dispatch(),
+        projection.1.into_dispatch(),
+        stack,
+        lengths.to_vec(),
+        activation,
+    ))
+}
+
+/// Layers that fit together, with their initial states.
+fn stack(
+    batch: usize,
+    mut feature: usize,
+    lengths: &[usize],
+    initial: Vec<LstmState>,
+    layers: &[LstmWeights],
+) -> Stack<Dispatch> {
+    assert_eq!(initial.len(), layers.len(), "one initial state for each layer");
+    let mut stack = layers.iter().zip(initial).map(|(weights, state)| {
+        feature = check(weights, feature, batch, lengths);
+        layer(weights, state)
+    });
+    match (stack.next(), stack.next(), stack.next(), stack.next()) {
+        (Some(a), None, None, None) => Stack::One(a),
+        (Some(a), Some(b), None, None) => Stack::Two(a, b),
+        (Some(a), Some(b), Some(c), None) => Stack::Three(a, b, c),
+        _ => panic!("{} layers; a decoder has one to three", layers.len()),
+    }
 }
 
 /// Weights and initial state of a layer as the dispatch takes them.
@@ -175,8 +216,7 @@ fn layer(weights: &LstmWeights, state: LstmState) -> Layer<Dispatch> {
     }
 }
 
-/// A layer that says words: logits `h W + b` `[batch, time, vocab]`, with `time` the longest length and zeros after the last
-/// step of each sequence.
+/// A layer that says words: logits `h W + b` `[frame, vocab]`, one sequence after the other.
 ///
 /// `first` `[batch, dimension]` is the input of the first step. Every later one is the row of `table` `[vocab, dimension]` at
 /// the greatest logit of the step before, the first of equals. The choice of the word has no gradient; its row has.
@@ -192,7 +232,7 @@ pub fn lstm_closed_loop_words(
     initial: LstmState,
     weights: &LstmWeights,
     projection: (Tensor<2>, Tensor<1>),
-) -> Tensor<3> {
+) -> Tensor<2> {
     let [batch, feature] = first.dims();
     check(weights, feature, batch, lengths);
     Tensor::from_dispatch(<Dispatch as RecurrentOps>::recurrent_words(

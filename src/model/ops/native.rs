@@ -6,14 +6,14 @@ use burn::tensor::TensorData;
 use burn_flex::{Flex, FlexTensor};
 use rprae_recurrent as recurrent;
 use rprae_recurrent::{
-    ClosedLoop, Decoder, Feedback, Instructions, LayerGradients, LayerWeights, Plan, Projection, Sequence,
-    State,
+    Decoder, Hearing, Instructions, LayerGradients, LayerWeights, Plan, Projection, Sequence, State, Unrolled,
 };
 
-use super::Direction;
 use super::backend::{
-    Layer, RecurrentBackend, RecurrentOps, SequenceInputs, SequenceTask, Stack, closed_loop_inputs,
+    DecoderTask, Hears, Layer, RecurrentBackend, RecurrentOps, SequenceInputs, SequenceTask, Stack,
+    decoder_inputs,
 };
+use super::{Activation, Direction};
 
 /// Tensors that own their numbers in one piece, so that their storage is the tensor: a part of one row is in one piece too.
 fn contiguous<const N: usize>(tensors: [FlexTensor; N]) -> [FlexTensor; N] {
@@ -52,7 +52,7 @@ fn dims<const D: usize>(tensor: &FlexTensor) -> [usize; D] {
 
 impl RecurrentBackend for Flex {
     type Sequence = Sequence<f32>;
-    type ClosedLoop = ClosedLoop<f32>;
+    type Decoder = Unrolled<f32>;
 
     fn sequence_forward(inputs: SequenceInputs<Self>, task: &SequenceTask) -> (FlexTensor, Self::Sequence) {
         let [input, hidden, cell, input_weights, recurrent_weights, bias] = &contiguous(inputs);
@@ -113,53 +113,63 @@ impl RecurrentBackend for Flex {
         ]
     }
 
-    fn closed_loop_forward(
-        inputs: Vec<FlexTensor>,
-        lengths: &[usize],
-        words: bool,
-    ) -> (FlexTensor, Self::ClosedLoop) {
-        let time = lengths.iter().copied().max().unwrap_or(0);
-        let plan = Plan::new(lengths, time, recurrent::Direction::Forward, Instructions::best());
+    fn decoder_forward(inputs: Vec<FlexTensor>, task: &DecoderTask) -> (FlexTensor, Self::Decoder) {
         let inputs: Vec<_> = inputs.into_iter().flat_map(|input| contiguous([input])).collect();
-        with_decoder(&inputs, words, |first, states, decoder| {
-            let way = ClosedLoop::<f32>::forward(plan, first, states, decoder);
-            let shape = [lengths.len(), time, decoder.projection.bias.len()];
+        let time = match task.hears {
+            Hears::Known(_) => dims::<3>(&inputs[0])[1],
+            Hears::Own | Hears::Words => task.lengths.iter().copied().max().unwrap_or(0),
+        };
+        let plan = Plan::new(&task.lengths, time, recurrent::Direction::Forward, Instructions::best());
+        let heard = inputs[0].storage();
+        let hearing = match task.hears {
+            Hears::Known(_) => Hearing::Known(heard),
+            Hears::Own => Hearing::Own(heard),
+            Hears::Words => Hearing::Words { first: heard, table: inputs[inputs.len() - 1].storage() },
+        };
+        with_decoder(&inputs, task, |states, decoder| {
+            let way = Unrolled::<f32>::forward(plan, hearing, states, decoder);
+            let shape = [task.lengths.iter().sum(), decoder.projection.bias.len()];
             (tensor(way.output(), shape), way)
         })
     }
 
-    fn closed_loop_backward(
-        way: Self::ClosedLoop,
+    fn decoder_backward(
+        way: Self::Decoder,
         inputs: Vec<FlexTensor>,
         gradient: FlexTensor,
-        words: bool,
-    ) -> Vec<FlexTensor> {
+        task: &DecoderTask,
+        want_inputs: bool,
+    ) -> Vec<Option<FlexTensor>> {
         let inputs: Vec<_> = inputs.into_iter().flat_map(|input| contiguous([input])).collect();
         let [gradient] = contiguous([gradient]);
-        let [batch, feature] = dims(&inputs[0]);
         let [top, outputs] = dims(&inputs[1]);
         let gradients =
-            with_decoder(&inputs, words, |_, _, decoder| way.backward(decoder, gradient.storage()));
+            with_decoder(&inputs, task, |_, decoder| way.backward(decoder, gradient.storage(), want_inputs));
+        let heard = inputs[0].shape();
+        let heard = gradients.inputs.map(|values| FlexTensor::from_data(TensorData::new(values, heard)));
         let mut all = vec![
-            tensor(gradients.first, [batch, feature]),
-            tensor(gradients.projection, [top, outputs]),
-            tensor(gradients.bias, [outputs]),
+            heard,
+            Some(tensor(gradients.projection, [top, outputs])),
+            Some(tensor(gradients.bias, [outputs])),
         ];
         for (weights, state) in gradients.layers.into_iter().zip(gradients.initial) {
             let units = weights.bias.len() / 4;
-            all.extend(layer_gradients(weights, units));
-            all.extend(state_tensors(state, batch));
+            all.extend(layer_gradients(weights, units).map(Some));
+            all.extend(state_tensors(state, task.lengths.len()).map(Some));
         }
-        all.extend(gradients.table.map(|table| tensor(table, [outputs, feature])));
+        if let Some(table) = gradients.table {
+            let feature = table.len() / outputs.max(1);
+            all.push(Some(tensor(table, [outputs, feature])));
+        }
         all
     }
 }
 
-/// Reads the inputs of a closed loop: the first input, the initial states and the decoder.
+/// Reads the initial states and the decoder among its inputs.
 fn with_decoder<R>(
     inputs: &[FlexTensor],
-    words: bool,
-    run: impl FnOnce(&[f32], &[(&[f32], &[f32])], &Decoder<'_, f32>) -> R,
+    task: &DecoderTask,
+    run: impl FnOnce(&[(&[f32], &[f32])], &Decoder<'_, f32>) -> R,
 ) -> R {
     let (layers, states): (Vec<_>, Vec<_>) = inputs[3..]
         .as_chunks::<5>()
@@ -169,10 +179,8 @@ fn with_decoder<R>(
             (layer(input, recurrent, bias), (hidden.storage(), cell.storage()))
         })
         .unzip();
-    let feedback =
-        if words { Feedback::ArgMax { table: inputs[inputs.len() - 1].storage() } } else { Feedback::Tanh };
     let projection = Projection { weights: inputs[1].storage(), bias: inputs[2].storage() };
-    run(inputs[0].storage(), &states, &Decoder { layers: &layers, projection, feedback })
+    run(&states, &Decoder { layers: &layers, projection, activation: task.hears.activation() })
 }
 
 impl RecurrentOps for Flex {
@@ -198,8 +206,20 @@ impl RecurrentOps for Flex {
         stack: Stack<Self>,
         lengths: Vec<usize>,
     ) -> FloatTensor<Self> {
-        let inputs = closed_loop_inputs([first, projection, projection_bias], stack, None);
-        Self::closed_loop_forward(inputs, &lengths, false).0
+        let inputs = decoder_inputs([first, projection, projection_bias], stack, None);
+        Self::decoder_forward(inputs, &DecoderTask { lengths, hears: Hears::Own }).0
+    }
+
+    fn recurrent_open_loop(
+        inputs: FloatTensor<Self>,
+        projection: FloatTensor<Self>,
+        projection_bias: FloatTensor<Self>,
+        stack: Stack<Self>,
+        lengths: Vec<usize>,
+        activation: Activation,
+    ) -> FloatTensor<Self> {
+        let inputs = decoder_inputs([inputs, projection, projection_bias], stack, None);
+        Self::decoder_forward(inputs, &DecoderTask { lengths, hears: Hears::Known(activation) }).0
     }
 
     fn recurrent_words(
@@ -210,7 +230,7 @@ impl RecurrentOps for Flex {
         layer: Layer<Self>,
         lengths: Vec<usize>,
     ) -> FloatTensor<Self> {
-        let inputs = closed_loop_inputs([first, projection, projection_bias], Stack::One(layer), Some(table));
-        Self::closed_loop_forward(inputs, &lengths, true).0
+        let inputs = decoder_inputs([first, projection, projection_bias], Stack::One(layer), Some(table));
+        Self::decoder_forward(inputs, &DecoderTask { lengths, hears: Hears::Words }).0
     }
 }

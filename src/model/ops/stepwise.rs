@@ -8,8 +8,8 @@ use burn::backend::{Backend, TensorMetadata};
 use burn::tensor::{Shape, Slice, TensorData};
 use rprae_recurrent::{Direction as Order, Instructions, Plan};
 
-use super::Direction;
-use super::backend::{SequenceInputs, SequenceTask};
+use super::backend::{DecoderTask, Hears, SequenceInputs, SequenceTask};
+use super::{Activation, Direction};
 
 /// The numbers of a cell at one step, `[row, ...]`.
 #[expect(clippy::struct_field_names, reason = "the cell of a cell is its cell")]
@@ -98,6 +98,20 @@ fn scatter<B: Backend>(plan: &Plan, frames: FloatTensor<B>) -> FloatTensor<B> {
     }
     let padded = B::float_cat(vec![zeros::<B>([1, columns], &frames), frames], 0);
     B::float_reshape(select::<B>(padded, from), Shape::from([plan.batch(), plan.width() * columns]))
+}
+
+/// `[frame, column]` of sequences one after the other as one row for each frame.
+fn gather_packed<B: Backend>(plan: &Plan, values: FloatTensor<B>) -> FloatTensor<B> {
+    select::<B>(values, plan.packed_places().collect())
+}
+
+/// The reverse of [`gather_packed`].
+fn scatter_packed<B: Backend>(plan: &Plan, frames: FloatTensor<B>) -> FloatTensor<B> {
+    let mut from = vec![0; plan.num_frames()];
+    for (frame, place) in plan.packed_places().enumerate() {
+        from[place] = frame;
+    }
+    select::<B>(frames, from)
 }
 
 /// For each place in the caller's batch, its row.
@@ -337,12 +351,12 @@ pub fn sequence_backward<B: Pointwise>(
     ]
 }
 
-/// Layers' way through a closed loop.
+/// Layers' way through a decoder.
 #[derive(Debug, Clone)]
-pub struct ClosedLoopWay<B: Backend> {
+pub struct DecoderWay<B: Backend> {
     plan: Plan,
     layers: Vec<Layer<B>>,
-    /// What the bottom layer heard and what the decoder said, step by step.
+    /// What the bottom layer heard and what the decoder said, step by step, or all frames of an open loop at once.
     inputs: Vec<FloatTensor<B>>,
     outputs: Vec<FloatTensor<B>>,
     /// Rows of the table heard after each step but the last.
@@ -354,13 +368,143 @@ fn own<B: Backend>(inputs: &[FloatTensor<B>], layer: usize) -> &[FloatTensor<B>]
     &inputs[3 + 5 * layer..][..5]
 }
 
-/// See [`super::backend::RecurrentBackend::closed_loop_forward`].
+/// See [`super::backend::RecurrentBackend::decoder_forward`].
+pub fn decoder_forward<B: Pointwise>(
+    inputs: Vec<FloatTensor<B>>,
+    task: &DecoderTask,
+) -> (FloatTensor<B>, DecoderWay<B>) {
+    match task.hears {
+        Hears::Known(activation) => open_loop_forward(inputs, &task.lengths, activation),
+        Hears::Own => closed_loop_forward(inputs, &task.lengths, false),
+        Hears::Words => closed_loop_forward(inputs, &task.lengths, true),
+    }
+}
+
+/// See [`super::backend::RecurrentBackend::decoder_backward`].
+pub fn decoder_backward<B: Pointwise>(
+    way: DecoderWay<B>,
+    inputs: Vec<FloatTensor<B>>,
+    gradient: FloatTensor<B>,
+    task: &DecoderTask,
+    want_inputs: bool,
+) -> Vec<Option<FloatTensor<B>>> {
+    let all = match task.hears {
+        Hears::Known(activation) => {
+            return open_loop_backward(way, inputs, gradient, activation, want_inputs);
+        }
+        Hears::Own => closed_loop_backward(way, inputs, gradient, false),
+        Hears::Words => closed_loop_backward(way, inputs, gradient, true),
+    };
+    all.into_iter().map(Some).collect()
+}
+
 #[expect(clippy::needless_pass_by_value, reason = "tensors are handed on")]
-pub fn closed_loop_forward<B: Pointwise>(
+fn open_loop_forward<B: Pointwise>(
+    inputs: Vec<FloatTensor<B>>,
+    lengths: &[usize],
+    activation: Activation,
+) -> (FloatTensor<B>, DecoderWay<B>) {
+    let [_, time, feature] = inputs[0].shape().dims();
+    let (projection, bias) = (inputs[1].clone(), inputs[2].clone());
+    let num_outputs = bias.shape()[0];
+    let plan = Plan::new(lengths, time, Order::Forward, Instructions::best());
+    let count = (inputs.len() - 3) / 5;
+    let layers = (0..count)
+        .map(|layer| {
+            let own = own::<B>(&inputs, layer);
+            Layer::new(&plan, own[3].clone(), own[4].clone())
+        })
+        .collect();
+    let mut way =
+        DecoderWay::<B> { plan, layers, inputs: Vec::new(), outputs: Vec::new(), words: Vec::new() };
+    if way.plan.num_frames() == 0 {
+        return (zeros::<B>([0, num_outputs], &bias), way);
+    }
+    let mut heard = gather::<B>(&way.plan, inputs[0].clone(), feature);
+    way.inputs.push(heard.clone());
+    for (index, layer) in way.layers.iter_mut().enumerate() {
+        let own = own::<B>(&inputs, index);
+        let gates = add_bias::<B>(B::float_matmul(heard, own[0].clone()), own[2].clone());
+        let said = (0..way.plan.num_steps()).map(|step| {
+            let frames = way.plan.frames(step);
+            layer.step(rows::<B>(gates.clone(), frames.start, frames.end), &own[1])
+        });
+        heard = join::<B>(said.collect(), 0);
+    }
+    let mut output = add_bias::<B>(B::float_matmul(heard, projection), bias);
+    if activation == Activation::Tanh {
+        output = B::float_tanh(output);
+    }
+    way.outputs.push(output.clone());
+    (scatter_packed::<B>(&way.plan, output), way)
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "tensors are handed on")]
+fn open_loop_backward<B: Pointwise>(
+    way: DecoderWay<B>,
+    inputs: Vec<FloatTensor<B>>,
+    gradient: FloatTensor<B>,
+    activation: Activation,
+    want_inputs: bool,
+) -> Vec<Option<FloatTensor<B>>> {
+    let plan = &way.plan;
+    let [batch, time, feature] = inputs[0].shape().dims();
+    let (Some(heard), Some(said)) = (way.inputs.first(), way.outputs.first()) else {
+        return inputs.into_iter().map(|input| Some(B::float_mul_scalar(input, 0.0_f32.into()))).collect();
+    };
+    let mut d_output = gather_packed::<B>(plan, gradient);
+    if activation == Activation::Tanh {
+        d_output = tanh_back::<B>(d_output, said.clone());
+    }
+    let mut above = B::float_matmul(d_output.clone(), B::float_transpose(inputs[1].clone()));
+    let mut gates = Vec::new();
+    for (index, layer) in way.layers.iter().enumerate().rev() {
+        let own = own::<B>(&inputs, index);
+        let recurrent_transposed = B::float_transpose(own[1].clone());
+        let units = layer.cell.shape()[1];
+        let mut back = Back::<B> { last: None, running: None, batch, units, gates: Vec::new() };
+        for step in (0..plan.num_steps()).rev() {
+            let frames = plan.frames(step);
+            let above = rows::<B>(above.clone(), frames.start, frames.end);
+            back.step(layer, step, Some(above), &recurrent_transposed);
+        }
+        let (d_hidden, d_cell, d_gates) = back.finish(plan, heard);
+        if index > 0 || want_inputs {
+            above = B::float_matmul(d_gates.clone(), B::float_transpose(own[0].clone()));
+        }
+        gates.push((d_hidden, d_cell, d_gates));
+    }
+    let d_inputs =
+        want_inputs.then(|| B::float_reshape(scatter::<B>(plan, above), Shape::from([batch, time, feature])));
+
+    let mut heard = heard.clone();
+    let mut layers = Vec::new();
+    for (layer, (d_hidden, d_cell, gates)) in way.layers.into_iter().zip(gates.into_iter().rev()) {
+        layers.extend([
+            outer::<B>(heard, gates.clone()),
+            outer::<B>(join::<B>(layer.heard, 0), gates.clone()),
+            sum_rows::<B>(gates),
+            d_hidden,
+            d_cell,
+        ]);
+        heard = join::<B>(layer.said, 0);
+    }
+    let projection = [outer::<B>(heard, d_output.clone()), sum_rows::<B>(d_output)];
+    std::iter::once(d_inputs).chain(projection.into_iter().chain(layers).map(Some)).collect()
+}
+
+/// The gradient before a tanh, given that after it and the tanh itself.
+fn tanh_back<B: Backend>(gradient: FloatTensor<B>, said: FloatTensor<B>) -> FloatTensor<B> {
+    let slope = B::float_neg(B::float_mul(said.clone(), said));
+    B::float_mul(gradient, B::float_add_scalar(slope, 1.0_f32.into()))
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "tensors are handed on")]
+fn closed_loop_forward<B: Pointwise>(
     inputs: Vec<FloatTensor<B>>,
     lengths: &[usize],
     words: bool,
-) -> (FloatTensor<B>, ClosedLoopWay<B>) {
+) -> (FloatTensor<B>, DecoderWay<B>) {
     let time = lengths.iter().copied().max().unwrap_or(0);
     let plan = Plan::new(lengths, time, Order::Forward, Instructions::best());
     let (projection, bias) = (inputs[1].clone(), inputs[2].clone());
@@ -373,7 +517,7 @@ pub fn closed_loop_forward<B: Pointwise>(
         })
         .collect();
     let mut way =
-        ClosedLoopWay::<B> { plan, layers, inputs: Vec::new(), outputs: Vec::new(), words: Vec::new() };
+        DecoderWay::<B> { plan, layers, inputs: Vec::new(), outputs: Vec::new(), words: Vec::new() };
     let mut input = select::<B>(inputs[0].clone(), way.plan.order().to_vec());
     for step in 0..time {
         let rows_now = way.plan.frames(step).len();
@@ -402,18 +546,14 @@ pub fn closed_loop_forward<B: Pointwise>(
             input = output;
         }
     }
-    let batch = way.plan.batch();
-    let all = if way.outputs.is_empty() {
-        zeros::<B>([batch, 0], &bias)
-    } else {
-        scatter::<B>(&way.plan, join::<B>(way.outputs.clone(), 0))
-    };
-    (B::float_reshape(all, Shape::from([batch, time, num_outputs])), way)
+    if way.outputs.is_empty() {
+        return (zeros::<B>([0, num_outputs], &bias), way);
+    }
+    (scatter_packed::<B>(&way.plan, join::<B>(way.outputs.clone(), 0)), way)
 }
 
-/// See [`super::backend::RecurrentBackend::closed_loop_backward`].
-pub fn closed_loop_backward<B: Pointwise>(
-    way: ClosedLoopWay<B>,
+fn closed_loop_backward<B: Pointwise>(
+    way: DecoderWay<B>,
     inputs: Vec<FloatTensor<B>>,
     gradient: FloatTensor<B>,
     words: bool,
@@ -424,7 +564,7 @@ pub fn closed_loop_backward<B: Pointwise>(
         return inputs.into_iter().map(|input| B::float_mul_scalar(input, 0.0_f32.into())).collect();
     }
     let (batch, num_outputs) = (plan.batch(), inputs[2].shape()[0]);
-    let d_outputs = gather::<B>(plan, gradient, num_outputs);
+    let d_outputs = gather_packed::<B>(plan, gradient);
     let projection_transposed = B::float_transpose(inputs[1].clone());
     let transposed: Vec<[FloatTensor<B>; 2]> = (0..way.layers.len())
         .map(|layer| {
@@ -457,9 +597,7 @@ pub fn closed_loop_backward<B: Pointwise>(
                 }
                 d_output = B::float_add(d_output, join::<B>(heard, 0));
             }
-            let said = way.outputs[step].clone();
-            let slope = B::float_neg(B::float_mul(said.clone(), said));
-            d_output = B::float_mul(d_output, B::float_add_scalar(slope, 1.0_f32.into()));
+            d_output = tanh_back::<B>(d_output, way.outputs[step].clone());
         }
         d_projected.push(d_output.clone());
         let mut above = B::float_matmul(d_output, projection_transposed.clone());

@@ -11,10 +11,11 @@ use burn::backend::autodiff::grads::Gradients;
 use burn::backend::autodiff::ops::{Backward, Ops, OpsKind};
 use burn::backend::tensor::FloatTensor;
 
-use super::Direction;
 use super::backend::{
-    Layer, RecurrentBackend, RecurrentOps, SequenceInputs, SequenceTask, Stack, closed_loop_inputs,
+    DecoderTask, Hears, Layer, RecurrentBackend, RecurrentOps, SequenceInputs, SequenceTask, Stack,
+    decoder_inputs,
 };
+use super::{Activation, Direction};
 
 /// What was kept for the way back, without a copy if nobody else holds it.
 fn own<T: Clone>(kept: Arc<T>) -> T {
@@ -41,37 +42,52 @@ impl<B: RecurrentBackend> Backward<B, 6> for SequenceBack {
 }
 
 #[derive(Debug)]
-struct ClosedLoopBack;
+struct DecoderBack;
 
-impl<B: RecurrentBackend, const N: usize> Backward<B, N> for ClosedLoopBack {
-    type State = (Arc<B::ClosedLoop>, Vec<FloatTensor<B>>, bool);
+impl<B: RecurrentBackend, const N: usize> Backward<B, N> for DecoderBack {
+    type State = (Arc<B::Decoder>, Vec<FloatTensor<B>>, DecoderTask);
 
     fn backward(self, ops: Ops<Self::State, N>, grads: &mut Gradients, _: &mut Checkpointer) {
         let gradient = grads.consume::<B>(&ops.node);
-        let (way, inputs, words) = ops.state;
-        let gradients = B::closed_loop_backward(own(way), inputs, gradient, words);
+        let (way, inputs, task) = ops.state;
+        let want_inputs = ops.parents[0].is_some();
+        let gradients = B::decoder_backward(own(way), inputs, gradient, &task, want_inputs);
         for (parent, gradient) in ops.parents.into_iter().zip(gradients) {
-            if let Some(parent) = parent {
+            if let (Some(parent), Some(gradient)) = (parent, gradient) {
                 grads.register::<B>(parent.id, gradient);
             }
         }
     }
 }
 
-/// A closed loop with `N` inputs.
-fn closed_loop<B: RecurrentBackend, C: CheckpointStrategy, const N: usize>(
+/// A decoder with `N` inputs.
+fn decoder<B: RecurrentBackend, C: CheckpointStrategy, const N: usize>(
     inputs: Vec<FloatTensor<Autodiff<B, C>>>,
-    lengths: &[usize],
-    words: bool,
+    task: DecoderTask,
 ) -> FloatTensor<Autodiff<B, C>> {
     let nodes = std::array::from_fn::<_, N, _>(|index| inputs[index].node());
     let inputs: Vec<FloatTensor<B>> = inputs.into_iter().map(|input| input.into_primitive()).collect();
-    match ClosedLoopBack.prepare::<C>(nodes).compute_bound().stateful() {
+    match DecoderBack.prepare::<C>(nodes).compute_bound().stateful() {
         OpsKind::Tracked(prepared) => {
-            let (output, way) = B::closed_loop_forward(inputs.clone(), lengths, words);
-            prepared.finish((Arc::new(way), inputs, words), output)
+            let (output, way) = B::decoder_forward(inputs.clone(), &task);
+            prepared.finish((Arc::new(way), inputs, task), output)
         }
-        OpsKind::UnTracked(prepared) => prepared.finish(B::closed_loop_forward(inputs, lengths, words).0),
+        OpsKind::UnTracked(prepared) => prepared.finish(B::decoder_forward(inputs, &task).0),
+    }
+}
+
+/// A decoder without a table.
+fn stacked<B: RecurrentBackend, C: CheckpointStrategy>(
+    inputs: [FloatTensor<Autodiff<B, C>>; 3],
+    stack: Stack<Autodiff<B, C>>,
+    task: DecoderTask,
+) -> FloatTensor<Autodiff<B, C>> {
+    let inputs = decoder_inputs(inputs, stack, None);
+    // The tape wants to know the number of inputs when it is compiled.
+    match inputs.len() {
+        8 => decoder::<B, C, 8>(inputs, task),
+        13 => decoder::<B, C, 13>(inputs, task),
+        _ => decoder::<B, C, 18>(inputs, task),
     }
 }
 
@@ -107,13 +123,19 @@ impl<B: RecurrentBackend, C: CheckpointStrategy> RecurrentOps for Autodiff<B, C>
         stack: Stack<Self>,
         lengths: Vec<usize>,
     ) -> FloatTensor<Self> {
-        let inputs = closed_loop_inputs([first, projection, projection_bias], stack, None);
-        // The tape wants to know the number of inputs when it is compiled.
-        match inputs.len() {
-            8 => closed_loop::<B, C, 8>(inputs, &lengths, false),
-            13 => closed_loop::<B, C, 13>(inputs, &lengths, false),
-            _ => closed_loop::<B, C, 18>(inputs, &lengths, false),
-        }
+        stacked([first, projection, projection_bias], stack, DecoderTask { lengths, hears: Hears::Own })
+    }
+
+    fn recurrent_open_loop(
+        inputs: FloatTensor<Self>,
+        projection: FloatTensor<Self>,
+        projection_bias: FloatTensor<Self>,
+        stack: Stack<Self>,
+        lengths: Vec<usize>,
+        activation: Activation,
+    ) -> FloatTensor<Self> {
+        let task = DecoderTask { lengths, hears: Hears::Known(activation) };
+        stacked([inputs, projection, projection_bias], stack, task)
     }
 
     fn recurrent_words(
@@ -124,7 +146,7 @@ impl<B: RecurrentBackend, C: CheckpointStrategy> RecurrentOps for Autodiff<B, C>
         layer: Layer<Self>,
         lengths: Vec<usize>,
     ) -> FloatTensor<Self> {
-        let inputs = closed_loop_inputs([first, projection, projection_bias], Stack::One(layer), Some(table));
-        closed_loop::<B, C, 9>(inputs, &lengths, true)
+        let inputs = decoder_inputs([first, projection, projection_bias], Stack::One(layer), Some(table));
+        decoder::<B, C, 9>(inputs, DecoderTask { lengths, hears: Hears::Words })
     }
 }

@@ -1,6 +1,6 @@
 //! Products of rows with packed weights.
 
-use super::{Block, M_MAX, block_rows, fetch, num_blocks, store};
+use super::{Block, M_MAX, block_rows, fetch, load, num_blocks, store};
 use crate::lanes::{Kernel, Lanes, Number};
 use crate::memory::LINE;
 use crate::panels::{Panels, WIDE};
@@ -10,10 +10,31 @@ use crate::panels::{Panels, WIDE};
 pub(crate) struct Operand<'a, T: Number> {
     pub(crate) left: &'a Panels<T>,
     pub(crate) first_row: usize,
+    /// The panel of `left` that meets the first weights.
+    pub(crate) first_panel: usize,
     /// `[left column, 4 vectors]`, without the padding of the last panel.
     pub(crate) weights: &'a [T],
     /// Weights that this thread is likely to need next, as many as `weights`.
     pub(crate) next: &'a [T],
+}
+
+/// Columns of the left factor that all rows meet before the next: their weights stay in the second cache meanwhile.
+const DEPTH: usize = 512;
+
+impl<T: Number> Operand<'_, T> {
+    /// The product in pieces of [`DEPTH`] columns, to be added up.
+    #[inline(always)]
+    fn pieces<S: Lanes<T>>(self) -> impl Iterator<Item = Self> {
+        let panels = DEPTH / self.left.width;
+        let length = panels * self.left.width * WIDE * S::LANES;
+        (0..self.weights.len().div_ceil(length).max(1)).map(move |piece| {
+            let weights = &self.weights[piece * length..];
+            let (weights, rest) = weights.split_at(length.min(weights.len()));
+            let next = if rest.is_empty() { self.next } else { rest };
+            let next = &next[..next.len().min(weights.len())];
+            Self { first_panel: self.first_panel + piece * panels, weights, next, ..self }
+        })
+    }
 }
 
 /// Adds the product of `M` rows of `left` (panels of `WIDTH` vectors) with the weights.
@@ -36,7 +57,7 @@ pub(super) fn add_product<T: Number, S: Lanes<T>, const M: usize, const WIDTH: u
     // Plain slices: an iterator over panels is a call that the compiler does not always put in place, and around a call it
     // stores all sums.
     let (numbers, stride) = operand.left.panels.numbers();
-    let mut at = (operand.first_row + row) * width;
+    let mut at = operand.first_panel * stride + (operand.first_row + row) * width;
     for weights in weights.chunks(WIDE * width) {
         let left = &numbers[at..][..M * width];
         at += stride;
@@ -104,27 +125,40 @@ impl<T: Number> Product<'_, '_, T> {
             Start::Zero => [s.splat(T::default()); WIDE],
             Start::Bias(bias) => std::array::from_fn(|v| S::vectors(bias)[v]),
         };
-        let operand = self.operand;
         match self.target {
             Target::Wide(out) => {
                 let out = S::vectors_mut(out);
-                blocks!(S, T, self.rows, |row, M| {
-                    let sums = add_operand::<T, S, M, LINES>(s, [start; M], operand, row);
-                    store(&sums, &mut out[row * WIDE..]);
-                });
+                for (piece, operand) in self.operand.pieces::<S>().enumerate() {
+                    blocks!(S, T, self.rows, |row, M| {
+                        let out = &mut out[row * WIDE..];
+                        let sums = if piece == 0 { [start; M] } else { load(out) };
+                        store(&add_operand::<T, S, M, LINES>(s, sums, operand, row), out);
+                    });
+                }
             }
             Target::Narrow(panels) => {
-                blocks!(S, T, self.rows, |row, M| {
-                    let sums = add_operand::<T, S, M, LINES>(s, [start; M], operand, row);
-                    let mut block = [sums[0][0]; WIDE * M_MAX];
-                    store(&sums, &mut block);
-                    for (v, panel) in panels.iter_mut().enumerate() {
-                        let panel = &mut S::vectors_mut(panel)[row..][..M];
-                        for (out, sums) in panel.iter_mut().zip(block.chunks_exact(WIDE)) {
-                            *out = sums[v];
+                for (piece, operand) in self.operand.pieces::<S>().enumerate() {
+                    blocks!(S, T, self.rows, |row, M| {
+                        let mut block = [start; M_MAX];
+                        let block = block[..M].as_flattened_mut();
+                        if piece > 0 {
+                            for (v, panel) in panels.iter().enumerate() {
+                                let panel = &S::vectors(panel)[row..][..M];
+                                for (sums, &before) in block.chunks_exact_mut(WIDE).zip(panel) {
+                                    sums[v] = before;
+                                }
+                            }
                         }
-                    }
-                });
+                        let sums = add_operand::<T, S, M, LINES>(s, load(block), operand, row);
+                        store(&sums, block);
+                        for (v, panel) in panels.iter_mut().enumerate() {
+                            let panel = &mut S::vectors_mut(panel)[row..][..M];
+                            for (out, sums) in panel.iter_mut().zip(block.chunks_exact(WIDE)) {
+                                *out = sums[v];
+                            }
+                        }
+                    });
+                }
             }
         }
     }
