@@ -71,7 +71,7 @@ impl<T> Decoder<'_, T> {
         self.layers[self.layers.len() - 1].hidden()
     }
 
-    fn check(&self, plan: &Plan, hearing: Hearing<'_, T>) {
+    fn check(&self, plan: &Plan, hearing: &Hearing<'_, T>) {
         assert!(!self.layers.is_empty(), "a decoder without layers");
         for pair in self.layers.windows(2) {
             assert_eq!(pair[1].feature(), pair[0].hidden(), "layers that do not fit together");
@@ -136,7 +136,7 @@ impl<T: Number> Unrolled<T> {
         initial: &[(&[T], &[T])],
         decoder: &Decoder<'_, T>,
     ) -> Self {
-        decoder.check(&plan, hearing);
+        decoder.check(&plan, &hearing);
         assert_eq!(initial.len(), decoder.layers.len(), "one initial state for each layer");
         let packs = Packs::new(decoder, T::lanes(plan.instructions));
         let run = |plan| match hearing {

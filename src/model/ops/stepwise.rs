@@ -439,7 +439,6 @@ fn open_loop_forward<B: Pointwise>(
     (scatter_packed::<B>(&way.plan, output), way)
 }
 
-#[expect(clippy::needless_pass_by_value, reason = "tensors are handed on")]
 fn open_loop_backward<B: Pointwise>(
     way: DecoderWay<B>,
     inputs: Vec<FloatTensor<B>>,
