@@ -1,7 +1,7 @@
 //! Adam, in one pass over all numbers where the processor can reach them.
 
 use burn::optim::{AdamConfig, AdamState, AdaptiveMomentumState, LearningRate, Optimizer};
-use burn::tensor::{Device, Tensor};
+use burn::tensor::{DType, Device, Tensor};
 use rayon::prelude::*;
 
 /// Adam (Kingma and Ba 2015): every weight moves by the mean of its slopes over the root of the mean of their squares.
@@ -76,7 +76,8 @@ impl Optimizer for Adam {
         state: Option<AdamState<D>>,
     ) -> (Tensor<D>, Option<AdamState<D>>) {
         let device = weights.device();
-        if device != Device::flex() {
+        let is_plain = [weights.dtype(), slopes.dtype()] == [DType::F32; 2];
+        if device != Device::flex() || !is_plain {
             return self.elsewhere.step(learning_rate, weights, slopes, state);
         }
         let (before, first, second) = match state {
@@ -85,27 +86,15 @@ impl Optimizer for Adam {
         };
         let factors = self.factors(before + 1, learning_rate);
         let mut data = [weights, slopes, first, second].map(Tensor::into_data);
-        let moved = match data.each_mut().map(|data| data.as_mut_slice::<f32>()) {
-            [Ok(weights), Ok(slopes), Ok(first), Ok(second)] => {
-                weights
-                    .par_chunks_mut(PORTION)
-                    .zip(slopes.par_chunks(PORTION))
-                    .zip(first.par_chunks_mut(PORTION).zip(second.par_chunks_mut(PORTION)))
-                    .for_each(|((weights, slopes), (first, second))| {
-                        factors.apply(weights, slopes, first, second);
-                    });
-                true
-            }
-            // Numbers of another kind.
-            _ => false,
-        };
-        let [weights, slopes, first, second] = data.map(|data| Tensor::from_data(data, &device));
-        if moved {
-            let momentum = AdaptiveMomentumState::new(before + 1, first, second);
-            return (weights, Some(AdamState::new(momentum)));
-        }
-        let state = (before > 0).then(|| AdamState::new(AdaptiveMomentumState::new(before, first, second)));
-        self.elsewhere.step(learning_rate, weights, slopes, state)
+        let [weights, slopes, first, second] =
+            data.each_mut().map(|data| data.as_mut_slice::<f32>().unwrap_or_default());
+        weights
+            .par_chunks_mut(PORTION)
+            .zip(slopes.par_chunks(PORTION))
+            .zip(first.par_chunks_mut(PORTION).zip(second.par_chunks_mut(PORTION)))
+            .for_each(|((weights, slopes), (first, second))| factors.apply(weights, slopes, first, second));
+        let [weights, _, first, second] = data.map(|data| Tensor::from_data(data, &device));
+        (weights, Some(AdamState::new(AdaptiveMomentumState::new(before + 1, first, second))))
     }
 
     fn to_device<const D: usize>(state: AdamState<D>, device: &Device) -> AdamState<D> {

@@ -34,6 +34,11 @@ fn num_blocks(rows: usize, registers: usize) -> usize {
     rows.div_ceil(block_rows(registers))
 }
 
+/// Whether so few blocks meet the weights that each must ask for two lines of the next ones at every turn, for all to come.
+fn fetches_two(rows: usize, registers: usize) -> bool {
+    num_blocks(rows, registers) < WIDE
+}
+
 /// Calls `$body` with `$m` the number of rows of each block, blocks as even as they can be.
 macro_rules! blocks {
     ($s:ty, $t:ty, $rows:expr, |$row:ident, $m:ident| $body:expr) => {{

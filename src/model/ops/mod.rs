@@ -14,7 +14,7 @@ mod backend;
 #[cfg(feature = "wgpu")]
 mod cube;
 mod native;
-#[cfg(any(feature = "wgpu", test))]
+#[cfg(feature = "wgpu")]
 mod stepwise;
 mod tape;
 

@@ -1,6 +1,6 @@
 //! Products of rows with packed weights.
 
-use super::{Block, M_MAX, block_rows, fetch, load, num_blocks, store};
+use super::{Block, M_MAX, block_rows, fetch, fetches_two, load, num_blocks, store};
 use crate::lanes::{Kernel, Lanes, Number};
 use crate::memory::LINE;
 use crate::panels::{Panels, WIDE};
@@ -167,6 +167,6 @@ impl<T: Number> Product<'_, '_, T> {
 impl<T: Number> Kernel<T> for Product<'_, '_, T> {
     #[inline(always)]
     fn run<S: Lanes<T>>(self, s: S) {
-        if num_blocks(self.rows, S::REGISTERS) < WIDE { self.ahead::<S, 2>(s) } else { self.ahead::<S, 1>(s) }
+        if fetches_two(self.rows, S::REGISTERS) { self.ahead::<S, 2>(s) } else { self.ahead::<S, 1>(s) }
     }
 }

@@ -1,7 +1,7 @@
 //! A step of a layer through time, forward and back.
 
 use super::product::{add_operand, add_product};
-use super::{Operand, block_rows, load, num_blocks, store};
+use super::{Operand, block_rows, fetches_two, load, num_blocks, store};
 use crate::lanes::{Kernel, Lanes, Number};
 use crate::panels::WIDE;
 
@@ -47,7 +47,7 @@ impl<T: Number> Step<'_, T> {
 impl<T: Number> Kernel<T> for Step<'_, T> {
     #[inline(always)]
     fn run<S: Lanes<T>>(mut self, s: S) {
-        if num_blocks(self.rows, S::REGISTERS) < WIDE {
+        if fetches_two(self.rows, S::REGISTERS) {
             self.sum::<S, 2>(s);
         } else {
             self.sum::<S, 1>(s);
