@@ -119,6 +119,16 @@ impl Actions {
     }
 }
 
+/// A process of `PyTorch`.
+fn start_peer() -> Result<Peer, Box<dyn Error>> {
+    let mut command = script("training_pytorch.py");
+    let (peer, ready) =
+        Peer::start(command.args(["--threads", &THREADS.to_string()]).stderr(Stdio::inherit()))?;
+    let ready: Value = serde_json::from_str(&ready)?;
+    println!("peer: PyTorch {}, {THREADS} threads", ready["version"].as_str().unwrap_or("?"));
+    Ok(peer)
+}
+
 /// An answer of `PyTorch`.
 fn ask(peer: &mut Peer, request: &Value) -> Result<Value, Box<dyn Error>> {
     Ok(serde_json::from_str(&peer.ask(&request.to_string())?)?)
@@ -158,6 +168,8 @@ struct Program<'a> {
     name: &'a str,
     hears_itself: bool,
     times: Times,
+    /// Resident memory at its highest, MiB.
+    peak: f64,
 }
 
 /// Lengths of captioned KIT motions, or of a distribution like theirs.
@@ -209,7 +221,7 @@ fn own_matmul_gflops(size: usize) -> f64 {
     6.0 * (size as f64).powi(3) / secs / 1e9
 }
 
-fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn Error>> {
+fn compare(name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn Error>> {
     let frames: usize = lengths.iter().sum();
     let width = lengths.iter().copied().max().unwrap_or(0);
     let variants = std::env::var("RPRAE_BENCH_VARIANTS").unwrap_or_else(|_| {
@@ -239,10 +251,13 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
     // The frame before each one; the first one hears itself.
     let before = motions.clone().narrow(1, 0, width - 1);
     let before = Tensor::cat(vec![motions.clone().narrow(1, 0, 1), before], 1);
-    let program = |name, hears_itself| Program { name, hears_itself, times: Times::default() };
+    let program = |name, hears_itself| Program { name, hears_itself, times: Times::default(), peak: 0.0 };
     let mut ours = [program("rprae", false), program("rprae", true)];
-    let mut theirs: Vec<_> = variants.iter().map(|&name| program(name, name == "loop")).collect();
-    let mut own_peak = Vec::new();
+    // Each variant has a process of its own, as in a training run: what others left in its memory would change its time.
+    let mut theirs = Vec::new();
+    for &name in &variants {
+        theirs.push((start_peer()?, program(name, name == "loop")));
+    }
     let mut peaks: Vec<Vec<f64>> = vec![Vec::new(); 2];
     // The first round warms both sides up.
     for round in 0..=rounds {
@@ -262,23 +277,20 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
                 times.parts.push([forward, backward - forward, all - backward]);
             }
         }
-        own_peak.extend(peak_mib());
-        let answer = ask(peer, &json!({"variant": "matmul", "size": 2000}))?;
-        peaks[1].push(answer["gflops"].as_f64().ok_or("no speed")?);
-        for Program { name, times, .. } in &mut theirs {
+        for (index, (peer, Program { name, times, peak, .. })) in theirs.iter_mut().enumerate() {
+            if index == 0 {
+                let answer = ask(peer, &json!({"variant": "matmul", "size": 2000}))?;
+                peaks[1].push(answer["gflops"].as_f64().ok_or("no speed")?);
+            }
             let answer = ask(peer, &json!({"variant": name, "lengths": lengths, "width": width}))?;
+            *peak = answer["peak_mib"].as_f64().ok_or("no memory")?;
             if round > 0 {
                 times.wall.push(answer["secs"].as_f64().ok_or("no time")?);
                 times.cpu.push(answer["cpu_secs"].as_f64().ok_or("no processor time")?);
             }
-            if round == rounds {
-                println!(
-                    "  {name}: peak memory so far {:.0} MiB",
-                    answer["peak_mib"].as_f64().unwrap_or(0.0)
-                );
-            }
         }
     }
+    let own_peak = peak_mib().unwrap_or(0.0);
     println!(
         "\n{name}: {frames} frames, longest {width}, {:.1} GFLOP; matmul 2000^3: torch {:.0}, gemm {:.0} GFLOP/s",
         gflop(frames),
@@ -287,16 +299,17 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
     );
     println!(
         "| program | hears | s an iteration | useful GFLOP/s | ratio to ours that hears the same (lowest..highest) \
-         | processor s | ratio | ratio to our closed loop |"
+         | processor s | ratio | ratio to our closed loop | peak MiB |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     let own = ours.each_mut().map(|ours| (median(&mut ours.times.wall), median(&mut ours.times.cpu)));
     let (closed_loop, _) = own[1];
-    for Program { name, hears_itself, times } in ours.iter_mut().chain(&mut theirs) {
+    let theirs = theirs.iter_mut().map(|(_, program)| program);
+    for Program { name, hears_itself, times, peak } in ours.iter_mut().chain(theirs) {
         let (time, cpu) = (median(&mut times.wall), median(&mut times.cpu));
         let (own, own_cpu) = own[usize::from(*hears_itself)];
         println!(
-            "| {}{name} | {} | {time:.2} | {:.1} | {:.2} ({:.2}..{:.2}) | {cpu:.2} | {:.2} | {:.2} |",
+            "| {}{name} | {} | {time:.2} | {:.1} | {:.2} ({:.2}..{:.2}) | {cpu:.2} | {:.2} | {:.2} | {:.0} |",
             if *name == "rprae" { "" } else { "PyTorch " },
             if *hears_itself { "itself" } else { "true frames" },
             gflop(frames) / time,
@@ -305,6 +318,7 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
             times.wall[times.wall.len() - 1] / own,
             cpu / own_cpu,
             time / closed_loop,
+            if *name == "rprae" { own_peak } else { *peak },
         );
     }
     for Program { hears_itself, times, .. } in &ours {
@@ -317,7 +331,7 @@ fn compare(peer: &mut Peer, name: &str, lengths: &[usize], rounds: usize) -> Res
             mean(2),
         );
     }
-    println!("ours: peak memory {:.0} MiB\n", own_peak.into_iter().fold(0.0, f64::max));
+    println!();
     Ok(())
 }
 
@@ -328,11 +342,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     rayon::ThreadPoolBuilder::new().num_threads(THREADS).build_global()?;
     println!("instructions: {}", rprae_recurrent::Instructions::best().name());
-    let mut command = script("training_pytorch.py");
-    let (mut peer, ready) =
-        Peer::start(command.args(["--threads", &THREADS.to_string()]).stderr(Stdio::inherit()))?;
-    let ready: Value = serde_json::from_str(&ready)?;
-    println!("peer: PyTorch {}, {THREADS} threads", ready["version"].as_str().unwrap_or("?"));
-    compare(&mut peer, "100 frames each", &[100; BATCH], rounds)?;
-    compare(&mut peer, "KIT lengths", &kit_lengths(), rounds)
+    compare("100 frames each", &[100; BATCH], rounds)?;
+    compare("KIT lengths", &kit_lengths(), rounds)
 }
