@@ -172,6 +172,12 @@ struct Program<'a> {
     peak: f64,
 }
 
+impl Program<'_> {
+    fn hears(&self) -> &'static str {
+        if self.hears_itself { "itself" } else { "true frames" }
+    }
+}
+
 /// Lengths of captioned KIT motions, or of a distribution like theirs.
 fn kit_lengths() -> Vec<usize> {
     let clip = |frames: f64| (frames.round() as usize).clamp(10, 300);
@@ -290,7 +296,9 @@ fn compare(name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn E
             }
         }
     }
-    let own_peak = peak_mib().unwrap_or(0.0);
+    for ours in &mut ours {
+        ours.peak = peak_mib().unwrap_or(0.0);
+    }
     println!(
         "\n{name}: {frames} frames, longest {width}, {:.1} GFLOP; matmul 2000^3: torch {:.0}, gemm {:.0} GFLOP/s",
         gflop(frames),
@@ -305,27 +313,30 @@ fn compare(name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn E
     let own = ours.each_mut().map(|ours| (median(&mut ours.times.wall), median(&mut ours.times.cpu)));
     let (closed_loop, _) = own[1];
     let theirs = theirs.iter_mut().map(|(_, program)| program);
-    for Program { name, hears_itself, times, peak } in ours.iter_mut().chain(theirs) {
+    for program in ours.iter_mut().chain(theirs) {
+        let hears = program.hears();
+        let Program { name, hears_itself, times, peak } = program;
         let (time, cpu) = (median(&mut times.wall), median(&mut times.cpu));
         let (own, own_cpu) = own[usize::from(*hears_itself)];
         println!(
             "| {}{name} | {} | {time:.2} | {:.1} | {:.2} ({:.2}..{:.2}) | {cpu:.2} | {:.2} | {:.2} | {:.0} |",
             if *name == "rprae" { "" } else { "PyTorch " },
-            if *hears_itself { "itself" } else { "true frames" },
+            hears,
             gflop(frames) / time,
             time / own,
             times.wall[0] / own,
             times.wall[times.wall.len() - 1] / own,
             cpu / own_cpu,
             time / closed_loop,
-            if *name == "rprae" { own_peak } else { *peak },
+            peak,
         );
     }
-    for Program { hears_itself, times, .. } in &ours {
-        let mean = |part: usize| times.parts.iter().map(|parts| parts[part]).sum::<f64>() / rounds as f64;
+    for program in &ours {
+        let parts = &program.times.parts;
+        let mean = |part: usize| parts.iter().map(|parts| parts[part]).sum::<f64>() / rounds as f64;
         println!(
             "ours, hearing {}: forward {:.2} s, backward {:.2} s, Adam {:.2} s",
-            if *hears_itself { "itself" } else { "true frames" },
+            program.hears(),
             mean(0),
             mean(1),
             mean(2),

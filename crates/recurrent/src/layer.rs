@@ -174,13 +174,8 @@ impl<T: Number> History<T> {
             .for_each(|(panel, (((gates, cells), hidden), next))| {
                 let (bias, input) = match *input {
                     Hears::Rows { left, first_row } => {
-                        let operand = Operand {
-                            left,
-                            first_row,
-                            first_panel: 0,
-                            weights: &weights.input[panel],
-                            next: following(&weights.input, panel),
-                        };
+                        let next = following(&weights.input, panel);
+                        let operand = Operand::new(left, first_row, &weights.input[panel], next);
                         (Some(&weights.bias[panel][..]), Some(operand))
                     }
                     Hears::Gates => (None, None),
@@ -189,13 +184,12 @@ impl<T: Number> History<T> {
                 let kernel = Step {
                     bias,
                     input,
-                    recurrent: Operand {
-                        left: latest,
-                        first_row: 0,
-                        first_panel: 0,
-                        weights: &weights.recurrent[panel],
-                        next: following(&weights.recurrent, panel),
-                    },
+                    recurrent: Operand::new(
+                        latest,
+                        0,
+                        &weights.recurrent[panel],
+                        following(&weights.recurrent, panel),
+                    ),
                     rows,
                     gates: &mut gates[frames.start * WIDE * lanes..frames.end * WIDE * lanes],
                     cells: &mut cells[before * lanes..][..(row + rows) * lanes],

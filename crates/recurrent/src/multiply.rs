@@ -54,11 +54,8 @@ pub(crate) fn multiply<T: Number>(
     let min = share(pieces.len(), pieces.len() * rows * left.columns * WIDE * lanes);
     pieces.par_iter_mut().with_min_len(min).for_each(|piece| {
         let start = piece.bias.map_or(Start::Zero, Start::Bias);
-        let operand = Operand { left, first_row, first_panel: 0, weights: piece.weights, next: piece.next };
-        let target = match &mut piece.target[..] {
-            [wide] if wide.len() == rows * WIDE * lanes => Target::Wide(wide),
-            narrow => Target::Narrow(narrow),
-        };
+        let operand = Operand::new(left, first_row, piece.weights, piece.next);
+        let target = Target::of(&mut piece.target, rows * WIDE * lanes);
         T::run(instructions, Product { start, operand, rows, target });
     });
 }
@@ -91,19 +88,11 @@ pub(crate) fn multiply_all<T: Number>(
     let min = share(tasks, packed.len() * rows.len() * left.columns * WIDE * lanes).min(packed.len());
     pieces.par_iter_mut().enumerate().for_each(|(piece, panels)| {
         panels.par_iter_mut().enumerate().with_min_len(min).for_each(|(index, target)| {
-            let operand = Operand {
-                left,
-                first_row: first_row + piece * ROWS,
-                first_panel: 0,
-                weights: &packed[index],
-                next: following(packed, index),
-            };
+            let (first_row, next) = (first_row + piece * ROWS, following(packed, index));
+            let operand = Operand::new(left, first_row, &packed[index], next);
             let start = bias.map_or(Start::Zero, |bias| Start::Bias(&bias[index]));
             let rows = ROWS.min(rows.len() - piece * ROWS);
-            let target = match &mut target[..] {
-                [wide] if width == WIDE * lanes => Target::Wide(wide),
-                narrow => Target::Narrow(narrow),
-            };
+            let target = Target::of(target, rows * WIDE * lanes);
             T::run(instructions, Product { start, operand, rows, target });
         });
     });

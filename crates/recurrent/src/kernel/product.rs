@@ -11,7 +11,7 @@ pub(crate) struct Operand<'a, T: Number> {
     pub(crate) left: &'a Panels<T>,
     pub(crate) first_row: usize,
     /// The panel of `left` that meets the first weights.
-    pub(crate) first_panel: usize,
+    first_panel: usize,
     /// `[left column, 4 vectors]`, without the padding of the last panel.
     pub(crate) weights: &'a [T],
     /// Weights that this thread is likely to need next, as many as `weights`.
@@ -21,7 +21,11 @@ pub(crate) struct Operand<'a, T: Number> {
 /// Columns of the left factor that all rows meet before the next: their weights stay in the second cache meanwhile.
 const DEPTH: usize = 512;
 
-impl<T: Number> Operand<'_, T> {
+impl<'a, T: Number> Operand<'a, T> {
+    pub(crate) fn new(left: &'a Panels<T>, first_row: usize, weights: &'a [T], next: &'a [T]) -> Self {
+        Self { left, first_row, first_panel: 0, weights, next }
+    }
+
     /// The product in pieces of [`DEPTH`] columns, to be added up.
     #[inline(always)]
     fn pieces<S: Lanes<T>>(self) -> impl Iterator<Item = Self> {
@@ -107,6 +111,13 @@ pub(crate) enum Target<'a, 'b, T> {
     Wide(&'a mut [T]),
     /// The same rows of up to four narrow panels.
     Narrow(&'a mut [&'b mut [T]]),
+}
+
+impl<'a, 'b, T> Target<'a, 'b, T> {
+    /// Rows of one panel, of so many numbers if it is a wide one, or of several narrow ones.
+    pub(crate) fn of(panels: &'a mut [&'b mut [T]], wide_len: usize) -> Self {
+        if panels[0].len() == wide_len { Self::Wide(panels[0]) } else { Self::Narrow(panels) }
+    }
 }
 
 /// Four vectors of columns of a product, all rows.

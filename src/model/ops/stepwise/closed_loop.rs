@@ -6,11 +6,9 @@ use burn::tensor::Shape;
 use rprae_recurrent::{Direction as Order, Instructions, Plan};
 
 use super::Pointwise;
-use super::decoder::{DecoderWay, own, tanh_back};
-use super::layer::{Back, Layer};
-use super::tensors::{
-    add_bias, back, gather_packed, join, outer, rows, scatter_packed, select, sum_rows, zeros,
-};
+use super::decoder::{DecoderWay, own, tanh_back, weight_gradients};
+use super::layer::Back;
+use super::tensors::{add_bias, back, gather_packed, join, rows, scatter_packed, select, zeros};
 
 #[expect(clippy::needless_pass_by_value, reason = "tensors are handed on")]
 pub(super) fn closed_loop_forward<B: Pointwise>(
@@ -22,15 +20,7 @@ pub(super) fn closed_loop_forward<B: Pointwise>(
     let plan = Plan::new(lengths, time, Order::Forward, Instructions::best());
     let (projection, bias) = (inputs[1].clone(), inputs[2].clone());
     let num_outputs = bias.shape()[0];
-    let count = (inputs.len() - 3) / 5;
-    let layers = (0..count)
-        .map(|layer| {
-            let own = own::<B>(&inputs, layer);
-            Layer::new(&plan, own[3].clone(), own[4].clone())
-        })
-        .collect();
-    let mut way =
-        DecoderWay::<B> { plan, layers, inputs: Vec::new(), outputs: Vec::new(), words: Vec::new() };
+    let mut way = DecoderWay::<B>::new(plan, &inputs);
     let mut input = select::<B>(inputs[0].clone(), way.plan.order().to_vec());
     for step in 0..time {
         let rows_now = way.plan.frames(step).len();
@@ -76,7 +66,7 @@ pub(super) fn closed_loop_backward<B: Pointwise>(
     if steps == 0 {
         return inputs.into_iter().map(|input| B::float_mul_scalar(input, 0.0_f32.into())).collect();
     }
-    let (batch, num_outputs) = (plan.batch(), inputs[2].shape()[0]);
+    let num_outputs = inputs[2].shape()[0];
     let d_outputs = gather_packed::<B>(plan, gradient);
     let projection_transposed = B::float_transpose(inputs[1].clone());
     let transposed: Vec<[FloatTensor<B>; 2]> = (0..way.layers.len())
@@ -85,17 +75,7 @@ pub(super) fn closed_loop_backward<B: Pointwise>(
             [B::float_transpose(own[0].clone()), B::float_transpose(own[1].clone())]
         })
         .collect();
-    let mut backs: Vec<Back<B>> = way
-        .layers
-        .iter()
-        .map(|layer| Back {
-            last: None,
-            running: None,
-            batch,
-            units: layer.cell.shape()[1],
-            gates: Vec::new(),
-        })
-        .collect();
+    let mut backs: Vec<Back<B>> = way.layers.iter().map(|layer| Back::new(plan, layer, None)).collect();
     let mut d_projected = Vec::new();
     let mut d_inputs: Vec<FloatTensor<B>> = Vec::new();
     for step in (0..steps).rev() {
@@ -125,23 +105,10 @@ pub(super) fn closed_loop_backward<B: Pointwise>(
     d_inputs.reverse();
     let d_projected = join::<B>(d_projected, 0);
 
-    // What each layer heard: the bottom one its inputs, the others the hidden states of the one below at the same step.
-    let mut heard = join::<B>(way.inputs, 0);
-    let mut layers = Vec::new();
-    for (layer, back) in way.layers.into_iter().zip(backs) {
-        let (d_hidden, d_cell, gates) = back.finish(plan, &heard);
-        layers.extend([
-            outer::<B>(heard, gates.clone()),
-            outer::<B>(join::<B>(layer.heard, 0), gates.clone()),
-            sum_rows::<B>(gates),
-            d_hidden,
-            d_cell,
-        ]);
-        heard = join::<B>(layer.said, 0);
-    }
-    let first = rows_to_batch::<B>(plan, d_inputs[0].clone());
-    let mut all = vec![first, outer::<B>(heard, d_projected.clone()), sum_rows::<B>(d_projected)];
-    all.extend(layers);
+    let heard = join::<B>(way.inputs, 0);
+    let mut all = vec![rows_to_batch::<B>(plan, d_inputs[0].clone())];
+    let backs: Vec<_> = backs.into_iter().map(|back| back.finish(plan, &heard).into()).collect();
+    all.extend(weight_gradients(heard, d_projected, way.layers.into_iter().zip(backs)));
     if words {
         let table = &inputs[inputs.len() - 1];
         let mut d_table = B::float_mul_scalar(table.clone(), 0.0_f32.into());

@@ -74,16 +74,22 @@ impl<B: Pointwise> Layer<B> {
 /// The gradient of a layer's states on the way back.
 pub(super) struct Back<B: Backend> {
     /// Of the states after the last frame, sorted.
-    pub(super) last: Option<(FloatTensor<B>, FloatTensor<B>)>,
+    last: Option<(FloatTensor<B>, FloatTensor<B>)>,
     /// Of the states of the rows at work, none before the first step back.
-    pub(super) running: Option<(FloatTensor<B>, FloatTensor<B>)>,
-    pub(super) batch: usize,
-    pub(super) units: usize,
+    running: Option<(FloatTensor<B>, FloatTensor<B>)>,
+    batch: usize,
+    units: usize,
     /// Gradients of the gates, from the last step to the first.
-    pub(super) gates: Vec<FloatTensor<B>>,
+    gates: Vec<FloatTensor<B>>,
 }
 
 impl<B: Pointwise> Back<B> {
+    /// Before the last step of a layer; `last` are gradients of the states after the last frame, sorted, if there are any.
+    pub(super) fn new(plan: &Plan, layer: &Layer<B>, last: Option<(FloatTensor<B>, FloatTensor<B>)>) -> Self {
+        let units = layer.cell.shape()[1];
+        Self { last, running: None, batch: plan.batch(), units, gates: Vec::new() }
+    }
+
     /// States of the first `count` rows; those that end here join with the gradient of their last state.
     pub(super) fn grow(&mut self, count: usize, like: &FloatTensor<B>) -> (FloatTensor<B>, FloatTensor<B>) {
         let have = self.running.as_ref().map_or(0, |(hidden, _)| hidden.shape()[0]);

@@ -7,11 +7,9 @@ use rprae_recurrent::{Direction as Order, Instructions, Plan};
 
 use super::super::Activation;
 use super::Pointwise;
-use super::decoder::{DecoderWay, own, tanh_back};
-use super::layer::{Back, Layer};
-use super::tensors::{
-    add_bias, gather, gather_packed, join, outer, rows, scatter, scatter_packed, sum_rows, zeros,
-};
+use super::decoder::{DecoderWay, own, tanh_back, weight_gradients};
+use super::layer::Back;
+use super::tensors::{add_bias, gather, gather_packed, join, rows, scatter, scatter_packed, zeros};
 
 #[expect(clippy::needless_pass_by_value, reason = "tensors are handed on")]
 pub(super) fn open_loop_forward<B: Pointwise>(
@@ -23,15 +21,7 @@ pub(super) fn open_loop_forward<B: Pointwise>(
     let (projection, bias) = (inputs[1].clone(), inputs[2].clone());
     let num_outputs = bias.shape()[0];
     let plan = Plan::new(lengths, time, Order::Forward, Instructions::best());
-    let count = (inputs.len() - 3) / 5;
-    let layers = (0..count)
-        .map(|layer| {
-            let own = own::<B>(&inputs, layer);
-            Layer::new(&plan, own[3].clone(), own[4].clone())
-        })
-        .collect();
-    let mut way =
-        DecoderWay::<B> { plan, layers, inputs: Vec::new(), outputs: Vec::new(), words: Vec::new() };
+    let mut way = DecoderWay::<B>::new(plan, &inputs);
     if way.plan.num_frames() == 0 {
         return (zeros::<B>([0, num_outputs], &bias), way);
     }
@@ -75,8 +65,7 @@ pub(super) fn open_loop_backward<B: Pointwise>(
     for (index, layer) in way.layers.iter().enumerate().rev() {
         let own = own::<B>(&inputs, index);
         let recurrent_transposed = B::float_transpose(own[1].clone());
-        let units = layer.cell.shape()[1];
-        let mut back = Back::<B> { last: None, running: None, batch, units, gates: Vec::new() };
+        let mut back = Back::new(plan, layer, None);
         for step in (0..plan.num_steps()).rev() {
             let frames = plan.frames(step);
             let above = rows::<B>(above.clone(), frames.start, frames.end);
@@ -86,23 +75,12 @@ pub(super) fn open_loop_backward<B: Pointwise>(
         if index > 0 || want_inputs {
             above = B::float_matmul(d_gates.clone(), B::float_transpose(own[0].clone()));
         }
-        gates.push((d_hidden, d_cell, d_gates));
+        gates.push([d_hidden, d_cell, d_gates]);
     }
     let d_inputs =
         want_inputs.then(|| B::float_reshape(scatter::<B>(plan, above), Shape::from([batch, time, feature])));
 
-    let mut heard = heard.clone();
-    let mut layers = Vec::new();
-    for (layer, (d_hidden, d_cell, gates)) in way.layers.into_iter().zip(gates.into_iter().rev()) {
-        layers.extend([
-            outer::<B>(heard, gates.clone()),
-            outer::<B>(join::<B>(layer.heard, 0), gates.clone()),
-            sum_rows::<B>(gates),
-            d_hidden,
-            d_cell,
-        ]);
-        heard = join::<B>(layer.said, 0);
-    }
-    let projection = [outer::<B>(heard, d_output.clone()), sum_rows::<B>(d_output)];
-    std::iter::once(d_inputs).chain(projection.into_iter().chain(layers).map(Some)).collect()
+    let layers = way.layers.into_iter().zip(gates.into_iter().rev());
+    let weights = weight_gradients(heard.clone(), d_output, layers);
+    std::iter::once(d_inputs).chain(weights.into_iter().map(Some)).collect()
 }

@@ -77,7 +77,7 @@ pub fn sequence_backward<B: Pointwise>(
         select::<B>(columns::<B>(gradient.clone(), first, first + units), plan.order().to_vec())
     };
     let last = Some((state(own), state(own + units)));
-    let mut back = Back::<B> { last, running: None, batch, units, gates: Vec::new() };
+    let mut back = Back::new(&plan, &layer, last);
     let frames = plan.num_frames();
     let above =
         (own > 0 && frames > 0).then(|| gather::<B>(&plan, columns::<B>(gradient.clone(), 0, own), units));
