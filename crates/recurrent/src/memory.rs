@@ -41,15 +41,19 @@ fn spare() -> MutexGuard<'static, Spare> {
 }
 
 impl Spare {
-    /// Takes a map of exactly so many bytes, if there is one.
+    /// Takes a map of at least so many bytes, the smallest there is, unless most of it would lie idle.
+    ///
+    /// A larger one will do, or matrices that take turns would drive each other's maps out in every batch.
     fn take(&mut self, bytes: usize) -> Option<MmapMut> {
-        self.used += bytes;
-        self.most = self.most.max(self.used);
-        let found = self.maps.iter().rposition(|map| map.len() == bytes);
+        let fitting =
+            self.maps.iter().enumerate().rev().filter(|(_, map)| (bytes..2 * bytes).contains(&map.len()));
+        let found = fitting.min_by_key(|(_, map)| map.len()).map(|(place, _)| place);
         let map = found.map(|place| self.maps.remove(place));
-        if map.is_some() {
-            self.kept -= bytes;
+        if let Some(map) = &map {
+            self.kept -= map.len();
         }
+        self.used += map.as_ref().map_or(bytes, |map| map.len());
+        self.most = self.most.max(self.used);
         self.shrink();
         map
     }
@@ -237,6 +241,32 @@ mod tests {
         assert_eq!(spare.take(2 * PAGE).map(|map| map.len()), Some(2 * PAGE));
         assert!(spare.take(4096).is_none());
         assert_eq!((spare.used, spare.kept), (2 * PAGE + 4096, 0));
+    }
+
+    #[test]
+    fn what_takes_turns_is_mapped_once() {
+        let mut spare = Spare { maps: Vec::new(), kept: 0, used: 0, most: 0 };
+        let mut num_maps = 0;
+        let mut take_and_give = |spare: &mut Spare, bytes: usize, count: usize| {
+            let mut take = || {
+                spare.take(bytes).unwrap_or_else(|| {
+                    num_maps += 1;
+                    MmapMut::map_anon(bytes).unwrap()
+                })
+            };
+            let maps: Vec<_> = (0..count).map(|_| take()).collect();
+            for map in maps {
+                spare.give(map);
+            }
+            num_maps
+        };
+        let first = (take_and_give(&mut spare, 3 * PAGE, 4), take_and_give(&mut spare, 4 * PAGE, 3));
+        assert_eq!(first, (4, 7));
+        for _ in 0..3 {
+            assert_eq!(take_and_give(&mut spare, 3 * PAGE, 3), 7);
+            assert_eq!(take_and_give(&mut spare, 4 * PAGE, 3), 7);
+        }
+        assert!(spare.take(PAGE).is_none(), "most of any map would lie idle");
     }
 
     #[test]
