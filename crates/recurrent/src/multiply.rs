@@ -60,8 +60,17 @@ pub(crate) fn multiply<T: Number>(
     });
 }
 
-/// Rows that meet all weights before the next do: they stay in the second cache meanwhile.
-const ROWS: usize = 120;
+/// Rows of a left factor so wide that meet all weights before the next do: they stay in the second cache meanwhile.
+///
+/// All pieces have about as many rows: one of few would take as long as the way of its weights.
+fn rows_of_a_piece(rows: usize, columns: usize) -> usize {
+    let most = if columns > WIDE_COLUMNS { ROWS / 2 } else { ROWS };
+    rows.div_ceil(rows.div_ceil(most).max(1)).max(1)
+}
+
+/// The most rows of a piece; half of them where the left factor has many columns.
+const ROWS: usize = 128;
+const WIDE_COLUMNS: usize = 512;
 
 /// The product of many rows, known beforehand, with packed weights: `target = left weights + bias` for some rows of the target;
 /// those of the left begin at `first_row`.
@@ -75,10 +84,11 @@ pub(crate) fn multiply_all<T: Number>(
     rows: Range<usize>,
 ) {
     let (lanes, width) = (T::lanes(instructions), target.width);
-    let mut pieces: Vec<Vec<Vec<&mut [T]>>> = (0..rows.len().div_ceil(ROWS)).map(|_| Vec::new()).collect();
+    let size = rows_of_a_piece(rows.len(), left.columns);
+    let mut pieces: Vec<Vec<Vec<&mut [T]>>> = (0..rows.len().div_ceil(size)).map(|_| Vec::new()).collect();
     for panels in target.panels.groups_mut(WIDE * lanes / width) {
         let panels = panels.map(|panel| &mut panel[rows.start * width..rows.end * width]);
-        let mut panels: Vec<_> = panels.map(|panel| panel.chunks_mut(ROWS * width)).collect();
+        let mut panels: Vec<_> = panels.map(|panel| panel.chunks_mut(size * width)).collect();
         for piece in &mut pieces {
             piece.push(panels.iter_mut().filter_map(Iterator::next).collect());
         }
@@ -88,10 +98,10 @@ pub(crate) fn multiply_all<T: Number>(
     let min = share(tasks, packed.len() * rows.len() * left.columns * WIDE * lanes).min(packed.len());
     pieces.par_iter_mut().enumerate().for_each(|(piece, panels)| {
         panels.par_iter_mut().enumerate().with_min_len(min).for_each(|(index, target)| {
-            let (first_row, next) = (first_row + piece * ROWS, following(packed, index));
+            let (first_row, next) = (first_row + piece * size, following(packed, index));
             let operand = Operand::new(left, first_row, &packed[index], next);
             let start = bias.map_or(Start::Zero, |bias| Start::Bias(&bias[index]));
-            let rows = ROWS.min(rows.len() - piece * ROWS);
+            let rows = size.min(rows.len() - piece * size);
             let target = Target::of(target, rows * WIDE * lanes);
             T::run(instructions, Product { start, operand, rows, target });
         });
@@ -106,6 +116,12 @@ mod tests {
     /// The number at a place of a matrix; small enough for exact sums.
     fn number(seed: usize, row: usize, column: usize) -> f32 {
         ((row * 31 + column * 17 + seed) % 23) as f32 - 11.0
+    }
+
+    #[test]
+    fn pieces_have_about_as_many_rows() {
+        assert_eq!([0, 1, 128, 129, 244].map(|rows| rows_of_a_piece(rows, 500)), [1, 1, 128, 65, 122]);
+        assert_eq!(rows_of_a_piece(244, 2048), 61);
     }
 
     #[test]
