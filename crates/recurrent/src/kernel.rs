@@ -11,19 +11,6 @@ type Block<V, const M: usize> = [[V; WIDE]; M];
 /// The most rows in a block.
 const M_MAX: usize = 6;
 
-/// Asks for the line of memory at `number`, up to the second cache.
-#[inline(always)]
-#[expect(unsafe_code, reason = "there is no other way to name memory that is needed soon")]
-fn fetch<T>(number: *const T) {
-    #[cfg(target_arch = "x86_64")]
-    // SAFETY: a hint, which reads nothing and cannot fault whatever the address.
-    unsafe {
-        std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T1 }>(number.cast());
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = number;
-}
-
 /// Rows in a block: as many as registers hold beside the weights.
 const fn block_rows(registers: usize) -> usize {
     if registers >= 32 { M_MAX } else { 2 }
@@ -87,7 +74,7 @@ mod tanh;
 
 pub(crate) use outer::{Outer, Right, Run, groups};
 pub(crate) use product::{Operand, Product, Start, Target};
-pub(crate) use step::{Step, StepBack};
+pub(crate) use step::{Ahead, Step, StepBack};
 pub(crate) use tanh::Tanh;
 
 // A block lives in registers only if every place in it is named by a constant: these loops are short enough to be unrolled.

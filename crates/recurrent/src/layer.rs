@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::kernel::{Operand, Step, StepBack};
+use crate::kernel::{Ahead, Operand, Step, StepBack};
 use crate::lanes::Number;
 use crate::multiply::multiply_all;
 use crate::panels::{Panels, WIDE};
@@ -136,13 +136,39 @@ impl<T: Number> History<T> {
         Self { gates, cells, hidden: states, latest, next, hidden_units: hidden }
     }
 
+    /// From a panel to the next; cells and hidden states have the same shape.
+    fn ahead(&self) -> Ahead {
+        Ahead { gates: self.gates.panels.stride(), states: self.cells.panels.stride() }
+    }
+
     /// First row of the states before a step.
     pub(crate) fn before(plan: &Plan, step: usize) -> usize {
         if step == 0 { 0 } else { plan.batch() + plan.frames(step - 1).start }
     }
 
+    /// Goes through neighbouring steps whose inputs are known beforehand: frame 0's stand in `first_row`.
+    pub(crate) fn steps(
+        &mut self,
+        plan: &Plan,
+        weights: &Forward<T>,
+        steps: &Range<usize>,
+        input: &Panels<T>,
+        first_row: usize,
+    ) {
+        // A product of few features costs less than the way of the gates to memory and back.
+        let few = WIDE * weights.feature <= weights.hidden;
+        if !few {
+            self.hear(plan, weights, steps, input, first_row);
+        }
+        for step in steps.clone() {
+            let first_row = first_row + plan.frames(step).start;
+            let heard = if few { Hears::Rows { left: input, first_row } } else { Hears::Gates };
+            self.step(plan, weights, step, &heard);
+        }
+    }
+
     /// Fills the gates of these steps with the share of inputs known beforehand, in one product.
-    pub(crate) fn hear(
+    fn hear(
         &mut self,
         plan: &Plan,
         weights: &Forward<T>,
@@ -161,6 +187,7 @@ impl<T: Number> History<T> {
         let before = Self::before(plan, step);
         let lanes = self.hidden.width;
         let latest = &self.latest;
+        let ahead = self.ahead();
         let depth = weights.hidden + if matches!(input, Hears::Gates) { 0 } else { weights.feature };
         let min = share(latest.panels.len(), rows * depth * WIDE * weights.hidden);
         self.gates
@@ -196,6 +223,7 @@ impl<T: Number> History<T> {
                     row,
                     hidden: &mut hidden[(plan.batch() + frames.start) * lanes..][..rows * lanes],
                     next: &mut next[..rows * lanes],
+                    ahead,
                 };
                 T::run(plan.instructions, kernel);
             });
@@ -216,6 +244,7 @@ impl<T: Number> History<T> {
         let lanes = self.hidden.width;
         let min = share(self.cells.panels.len(), rows * self.hidden_units * 16);
         let cells = &self.cells.panels;
+        let ahead = self.ahead();
         let hidden = &gradient.hidden.panels;
         self.gates
             .panels
@@ -233,6 +262,7 @@ impl<T: Number> History<T> {
                     above: above.map(|(above, first)| &above.panels[panel][first * lanes..][..rows * lanes]),
                     hidden: &hidden[panel][..rows * lanes],
                     cell: &mut cell[..rows * lanes],
+                    ahead,
                 };
                 T::run(plan.instructions, kernel);
             });

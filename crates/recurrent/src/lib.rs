@@ -3,6 +3,7 @@
 #![expect(clippy::inline_always, reason = "vector code keeps its instruction set only where it is inlined")]
 
 mod decoder;
+mod fetch;
 mod kernel;
 mod lanes;
 mod layer;

@@ -30,23 +30,28 @@ pub(crate) struct Pieces<T: Number> {
 
 impl<T: Number> Pieces<T> {
     pub(crate) fn zeros(count: usize, length: usize) -> Self {
-        let stride = Self::stride(length);
+        let stride = Self::stride_of(length);
         Self { numbers: Buffer::zeros(count * stride), count, length, stride }
     }
 
     /// Pieces of which nothing is read before it is written.
     pub(crate) fn unset(count: usize, length: usize) -> Self {
-        let stride = Self::stride(length);
+        let stride = Self::stride_of(length);
         Self { numbers: Buffer::unset(count * stride), count, length, stride }
     }
 
-    fn stride(length: usize) -> usize {
+    fn stride_of(length: usize) -> usize {
         let line = LINE / size_of::<T>();
         (length.div_ceil(line) | 1) * line
     }
 
     pub(crate) fn len(&self) -> usize {
         self.count
+    }
+
+    /// Numbers from the start of a piece to that of the next.
+    pub(crate) fn stride(&self) -> usize {
+        self.stride
     }
 
     /// All numbers, and how many lie from the start of a piece to that of the next.

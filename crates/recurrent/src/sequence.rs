@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::lanes::Number;
-use crate::layer::{Backward, Forward, Hears, History, State, StateGradient, in_pool};
+use crate::layer::{Backward, Forward, History, State, StateGradient, in_pool};
 use crate::multiply::{Destination, multiply, multiply_all};
 use crate::panels::{Panels, WIDE};
 use crate::plan::Plan;
@@ -55,10 +55,7 @@ impl<T: Number> Sequence<T> {
                 let input = plan.gather(input, feature, WIDE * lanes);
                 let mut history = History::new(&plan, initial, hidden, lanes);
                 for steps in plan.blocks() {
-                    history.hear(&plan, &packed, &steps, &input, 0);
-                    for step in steps {
-                        history.step(&plan, &packed, step, &Hears::Gates);
-                    }
+                    history.steps(&plan, &packed, &steps, &input, 0);
                 }
                 Part { plan, input, history }
             })

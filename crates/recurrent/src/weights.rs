@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
+use crate::fetch::fetch_near;
 use crate::lanes::Number;
+use crate::memory::LINE;
 use crate::panels::{Pieces, WIDE};
 
 /// Weights of one layer, row after row; gates in the order input, forget, cell, output.
@@ -50,6 +52,9 @@ pub struct LayerGradients<T> {
 
 /// A piece for each panel of the product, `[row of the matrix, 4 vectors]`.
 pub(crate) type Packed<T> = Pieces<T>;
+
+/// Cache lines between a number of a row that is being transposed and the line that is asked for.
+const LINES_AHEAD: usize = 8;
 
 /// Panels that are packed together: neighbours in each row, so that what is read is longer than a cache line.
 const TOGETHER: usize = 4;
@@ -140,6 +145,8 @@ fn pack_transposed<T: Number>(
         for &Columns { first, count, factor } in columns {
             let target = &mut packed[factor * width..][..count * width];
             for (row, source) in rows.iter().enumerate() {
+                // The rows are too many streams for the processor to see where they lead.
+                fetch_near(source.as_ptr().wrapping_add(first + LINES_AHEAD * LINE / size_of::<T>()));
                 let source = &source[first..first + count];
                 for (target, &number) in target.chunks_exact_mut(width).zip(source) {
                     target[row] = number;

@@ -87,7 +87,15 @@ const LENGTH_MIXES: [&[usize]; 6] = [
 
 #[test]
 fn a_sequence_has_the_gradients_of_its_values() {
-    let (feature, hidden) = (3, 5);
+    check_sequences(3, 5);
+}
+
+#[test]
+fn a_sequence_of_few_features_has_the_gradients_of_its_values() {
+    check_sequences(1, 5);
+}
+
+fn check_sequences(feature: usize, hidden: usize) {
     for lengths in LENGTH_MIXES {
         for direction in [Direction::Forward, Direction::Backward] {
             let batch = lengths.len();
@@ -342,4 +350,6 @@ fn a_decoder_of_words_has_the_gradients_of_its_values() {
 fn a_decoder_of_known_inputs_has_the_gradients_of_its_values() {
     check_all(&[4, 3, 5], 2, 3, Hears::Known, Activation::Tanh);
     check_all(&[6], 5, 4, Hears::Known, Activation::None);
+    // So few features that they are heard step by step.
+    check_all(&[9, 4], 2, 3, Hears::Known, Activation::Tanh);
 }

@@ -165,28 +165,34 @@ fn long() -> Vec<usize> {
 
 #[test]
 fn told_its_own_outputs_a_decoder_says_the_same() {
+    check_told(FEATURE);
+    // So few features that they are heard step by step even where they are known.
+    check_told(HIDDEN / 4);
+}
+
+fn check_told(feature: usize) {
     let (lengths, width) = (long(), 72);
-    let layers = [Layer::new(FEATURE, 1), Layer::new(HIDDEN, 4)];
+    let layers = [Layer::new(feature, 1), Layer::new(HIDDEN, 4)];
     let weights = layers.each_ref().map(Layer::weights);
-    let (projection, bias) = (numbers(HIDDEN * FEATURE, 0.3, 20), numbers(FEATURE, 0.3, 21));
+    let (projection, bias) = (numbers(HIDDEN * feature, 0.3, 20), numbers(feature, 0.3, 21));
     let state = numbers(lengths.len() * HIDDEN, 0.5, 30);
     let states = [(&state[..], &state[..]); 2];
     let projection = Projection { weights: &projection, bias: &bias };
     let decoder = Decoder { layers: &weights, projection, activation: Activation::Tanh };
     for instructions in Instructions::all() {
         let plan = || Plan::new(&lengths, width, Direction::Forward, instructions);
-        let first = numbers(lengths.len() * FEATURE, 1.0, 50);
+        let first = numbers(lengths.len() * feature, 1.0, 50);
         let own = Unrolled::<f32>::forward(plan(), Hearing::Own(&first), &states, &decoder).output();
-        let mut heard = vec![f32::NAN; lengths.len() * width * FEATURE];
+        let mut heard = vec![f32::NAN; lengths.len() * width * feature];
         let mut said = &own[..];
         for ((first, heard), length) in
-            first.chunks_exact(FEATURE).zip(heard.chunks_exact_mut(width * FEATURE)).zip(&lengths)
+            first.chunks_exact(feature).zip(heard.chunks_exact_mut(width * feature)).zip(&lengths)
         {
-            let (own, rest) = said.split_at(length * FEATURE);
+            let (own, rest) = said.split_at(length * feature);
             said = rest;
-            heard[..FEATURE].copy_from_slice(first);
+            heard[..feature].copy_from_slice(first);
             if let Some(before) = length.checked_sub(1) {
-                heard[FEATURE..][..before * FEATURE].copy_from_slice(&own[..before * FEATURE]);
+                heard[feature..][..before * feature].copy_from_slice(&own[..before * feature]);
             }
         }
         let told = Unrolled::<f32>::forward(plan(), Hearing::Known(&heard), &states, &decoder).output();

@@ -3,7 +3,7 @@
 use super::Decoder;
 use super::part::{Back, Packs, Part, Transposed};
 use crate::lanes::Number;
-use crate::layer::{Hears, History, StateGradient};
+use crate::layer::{History, StateGradient};
 use crate::multiply::{Destination, multiply, multiply_all};
 use crate::panels::{Panels, WIDE};
 use crate::plan::Plan;
@@ -35,11 +35,8 @@ impl<T: Number> Part<T> {
             for (layer, packed) in packs.layers.iter().enumerate() {
                 let (below, own) = part.layers.split_at_mut(layer);
                 match below.last() {
-                    Some(below) => own[0].hear(plan, packed, &steps, &below.hidden, plan.batch()),
-                    None => own[0].hear(plan, packed, &steps, &part.inputs, 0),
-                }
-                for step in steps.clone() {
-                    own[0].step(plan, packed, step, &Hears::Gates);
+                    Some(below) => own[0].steps(plan, packed, &steps, &below.hidden, plan.batch()),
+                    None => own[0].steps(plan, packed, &steps, &part.inputs, 0),
                 }
             }
         }
@@ -65,22 +62,26 @@ impl<T: Number> Part<T> {
         let mut outputs = self.plan.gather_packed(output, decoder.outputs(), wide);
         self.activate_back(decoder.activation, 0..frames, &mut outputs);
         let plan = &self.plan;
-        // Gradients of each layer's hidden states from what heard them.
+        let blocks = plan.blocks();
+        let longest = blocks.iter().map(|steps| plan.frames_of(steps).len()).max().unwrap_or(0);
+        // Gradients of each layer's hidden states from what heard them, for one block after the other.
         let mut above: Vec<Panels<T>> =
-            self.layers.iter().map(|layer| Panels::unset(0, frames, layer.hidden_units, lanes)).collect();
+            self.layers.iter().map(|layer| Panels::unset(0, longest, layer.hidden_units, lanes)).collect();
         let top = above.len() - 1;
-        multiply_all(instructions, &outputs, 0, &packs.projection, None, &mut above[top], 0..frames);
         let mut inputs = want_inputs.then(|| Panels::unset(0, frames, decoder.feature(), wide));
         let states =
             self.layers.iter().map(|layer| StateGradient::new(plan, None, layer.hidden_units, lanes));
         let mut states: Vec<StateGradient<T>> = states.collect();
-        for steps in plan.blocks().into_iter().rev() {
+        for steps in blocks.into_iter().rev() {
+            let block = plan.frames_of(&steps);
+            let (first, length) = (block.start, block.len());
+            multiply_all(instructions, &outputs, first, &packs.projection, None, &mut above[top], 0..length);
             for (layer, packed) in packs.layers.iter().enumerate().rev() {
                 let (below, own) = above.split_at_mut(layer);
                 let (history, gradient) = (&mut self.layers[layer], &mut states[layer]);
                 for step in steps.clone().rev() {
                     let frames = plan.frames(step);
-                    history.step_back(plan, step, Some((&own[0], frames.start)), gradient);
+                    history.step_back(plan, step, Some((&own[0], frames.start - first)), gradient);
                     let destination = Destination {
                         panels: &mut gradient.hidden,
                         first_row: 0,
@@ -89,9 +90,11 @@ impl<T: Number> Part<T> {
                     };
                     multiply(instructions, &history.gates, frames.start, frames.len(), vec![destination]);
                 }
-                if let Some(heard) = below.last_mut().or(inputs.as_mut()) {
-                    let (gates, frames) = (&history.gates, plan.frames_of(&steps));
-                    multiply_all(instructions, gates, frames.start, &packed.input, None, heard, frames);
+                let gates = &history.gates;
+                if let Some(below) = below.last_mut() {
+                    multiply_all(instructions, gates, first, &packed.input, None, below, 0..length);
+                } else if let Some(inputs) = &mut inputs {
+                    multiply_all(instructions, gates, first, &packed.input, None, inputs, block.clone());
                 }
             }
         }

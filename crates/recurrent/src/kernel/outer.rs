@@ -1,6 +1,7 @@
 //! Outer products, summed over frames.
 
-use super::{Block, block_rows, fetch, num_blocks, store};
+use super::{Block, block_rows, num_blocks, store};
+use crate::fetch::{fetch, fetch_near};
 use crate::lanes::{Kernel, Lanes, Number};
 use crate::memory::LINE;
 use crate::panels::{Panels, WIDE};
@@ -38,7 +39,8 @@ pub(crate) fn groups(runs: &[Run]) -> Vec<Vec<Run>> {
 
 /// The sum over rows of left row times right row, for a few wide panels of the right; adds to what is there.
 ///
-/// The left matrix does not fit into the second cache: the more panels meet it at once, the less often it is fetched.
+/// The left matrix does not fit into the second cache: the more panels meet a group of its rows, one after the other, the less
+/// often these are fetched.
 pub(crate) struct Outer<'a, 'b, T: Number> {
     pub(crate) left: &'a Panels<T>,
     pub(crate) groups: &'a [Vec<Run>],
@@ -69,6 +71,7 @@ impl<T: Number> Outer<'_, '_, T> {
         // Blocks of columns share the lines of a row of the next panel.
         let ahead = column / M % WIDTH * (LINE / size_of::<T>());
         let mut block: Block<S::V, M> = std::array::from_fn(|m| std::array::from_fn(|v| sums[m * WIDE + v]));
+        let mut next_sums = sums.as_ptr().wrapping_add(M * WIDE);
         for run in group {
             let left = left[run.left * width..][..run.rows * width].chunks_exact(width);
             let right = right[run.right * WIDE..][..run.rows * WIDE].chunks_exact(WIDE);
@@ -76,6 +79,8 @@ impl<T: Number> Outer<'_, '_, T> {
             for (left, right) in left.zip(right) {
                 fetch(next);
                 next = next.wrapping_add(width);
+                fetch_near(next_sums);
+                next_sums = next_sums.wrapping_add(1);
                 let left = &left[column..column + M];
                 for m in 0..M {
                     let factor = s.splat(left[m]);
@@ -95,11 +100,11 @@ impl<T: Number> Kernel<T> for Outer<'_, '_, T> {
         let narrow = self.left.width == S::LANES;
         let ranges: Vec<_> = self.left.column_ranges().collect();
         for group in self.groups {
-            for (index, (panel, range)) in self.left.panels.iter().zip(&ranges).enumerate() {
-                let next = self.left.panels.get(index + 1).unwrap_or(panel);
-                for right in &mut *self.rights {
-                    let sums = &mut S::vectors_mut(right.sums)[range.start * WIDE..range.end * WIDE];
-                    let right = S::vectors(right.panel);
+            for right in &mut *self.rights {
+                let (right, all_sums) = (S::vectors(right.panel), S::vectors_mut(right.sums));
+                for (index, (panel, range)) in self.left.panels.iter().zip(&ranges).enumerate() {
+                    let next = self.left.panels.get(index + 1).unwrap_or(panel);
+                    let sums = &mut all_sums[range.start * WIDE..range.end * WIDE];
                     blocks!(S, T, range.len(), |column, M| {
                         let sums = &mut sums[column * WIDE..][..M * WIDE];
                         if narrow {

@@ -1,6 +1,7 @@
 //! Products of rows with packed weights.
 
-use super::{Block, M_MAX, block_rows, fetch, fetches_two, load, num_blocks, store};
+use super::{Block, M_MAX, block_rows, fetches_two, load, num_blocks, store};
+use crate::fetch::fetch;
 use crate::lanes::{Kernel, Lanes, Number};
 use crate::memory::LINE;
 use crate::panels::{Panels, WIDE};

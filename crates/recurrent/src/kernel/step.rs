@@ -2,8 +2,32 @@
 
 use super::product::{add_operand, add_product};
 use super::{Operand, block_rows, fetches_two, load, num_blocks, store};
+use crate::fetch::fetch_near;
 use crate::lanes::{Kernel, Lanes, Number};
 use crate::panels::WIDE;
+
+/// Numbers between equal rows of neighbouring panels: a thread at one panel asks for the next one's rows, which no cache holds.
+#[derive(Clone, Copy)]
+pub(crate) struct Ahead {
+    pub(crate) gates: usize,
+    /// Cells and hidden states.
+    pub(crate) states: usize,
+}
+
+impl Ahead {
+    #[inline(always)]
+    fn fetch_gates<T: Number, S: Lanes<T>>(self, gates: &[S::V]) {
+        let next = gates.as_ptr().cast::<T>().wrapping_add(self.gates);
+        for v in 0..WIDE {
+            fetch_near(next.wrapping_add(v * S::LANES));
+        }
+    }
+
+    #[inline(always)]
+    fn fetch_states<T: Number, S: Lanes<T>>(self, states: &S::V) {
+        fetch_near(std::ptr::from_ref(states).cast::<T>().wrapping_add(self.states));
+    }
+}
 
 /// One step of a layer for one panel of units: gates, cells and hidden states of the first `rows` rows.
 pub(crate) struct Step<'a, T: Number> {
@@ -22,6 +46,7 @@ pub(crate) struct Step<'a, T: Number> {
     /// Hidden states of this step, as history and for the next step.
     pub(crate) hidden: &'a mut [T],
     pub(crate) next: &'a mut [T],
+    pub(crate) ahead: Ahead,
 }
 
 impl<T: Number> Step<'_, T> {
@@ -30,7 +55,11 @@ impl<T: Number> Step<'_, T> {
     fn sum<S: Lanes<T>, const LINES: usize>(&mut self, s: S) {
         let gates = S::vectors_mut(self.gates);
         blocks!(S, T, self.rows, |row, M| {
-            let gates = &mut gates[row * WIDE..][..M * WIDE];
+            let (gates, rest) = gates[row * WIDE..].split_at_mut(M * WIDE);
+            if self.bias.is_none() {
+                // What the next block begins with.
+                rest.iter().take(M * WIDE).for_each(|next| fetch_near(next));
+            }
             let mut sums = match self.bias {
                 Some(bias) => [std::array::from_fn(|v| S::vectors(bias)[v]); M],
                 None => load(gates),
@@ -57,6 +86,9 @@ impl<T: Number> Kernel<T> for Step<'_, T> {
         let (hidden, next) = (S::vectors_mut(self.hidden), S::vectors_mut(self.next));
         let states = hidden.iter_mut().zip(next).zip(cells.iter_mut().zip(previous));
         for (gates, ((hidden, next), (cell, previous))) in gates.chunks_exact_mut(WIDE).zip(states) {
+            self.ahead.fetch_gates::<T, S>(gates);
+            self.ahead.fetch_states::<T, S>(cell);
+            self.ahead.fetch_states::<T, S>(hidden);
             let (i, f) = (s.sigmoid(gates[0]), s.sigmoid(gates[1]));
             let (g, o) = (s.tanh(gates[2]), s.sigmoid(gates[3]));
             *cell = s.mul_add(f, *previous, s.mul(i, g));
@@ -81,6 +113,7 @@ pub(crate) struct StepBack<'a, T> {
     pub(crate) hidden: &'a [T],
     /// Gradient of this step's cells from the step after; of the step before afterwards.
     pub(crate) cell: &'a mut [T],
+    pub(crate) ahead: Ahead,
 }
 
 impl<T: Number> Kernel<T> for StepBack<'_, T> {
@@ -93,6 +126,9 @@ impl<T: Number> Kernel<T> for StepBack<'_, T> {
         let hidden = &S::vectors(self.hidden)[..self.rows];
         let cell = &mut S::vectors_mut(self.cell)[..self.rows];
         for (row, gates) in S::vectors_mut(self.gates).chunks_exact_mut(WIDE).take(self.rows).enumerate() {
+            self.ahead.fetch_gates::<T, S>(gates);
+            self.ahead.fetch_states::<T, S>(&cells[row]);
+            self.ahead.fetch_states::<T, S>(&previous[row]);
             let (i, f, g, o) = (gates[0], gates[1], gates[2], gates[3]);
             let tanh = s.tanh(cells[row]);
             let d_hidden = above.map_or(hidden[row], |above| s.add(above[row], hidden[row]));
