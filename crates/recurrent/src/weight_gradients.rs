@@ -64,7 +64,7 @@ pub(crate) struct Factors<'a, T: Number> {
 
 /// Wide panels of the right that meet the left at once: as many as leave every thread a few tasks.
 fn together(panels: usize) -> usize {
-    (panels / (4 * rayon::current_num_threads())).clamp(1, 4)
+    (panels / (8 * rayon::current_num_threads())).clamp(1, 4)
 }
 
 /// The sum over rows of left row times right row, one buffer for each wide panel of the right.
