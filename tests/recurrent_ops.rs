@@ -299,23 +299,117 @@ fn without_a_tape_the_values_are_the_same() {
     assert_eq!(values(&last.hidden)[..5], end);
 }
 
+/// A GPU for one test at a time, so that none counts another's launches.
+#[cfg(feature = "wgpu")]
+fn gpu() -> Option<(Device, std::sync::MutexGuard<'static, ()>)> {
+    static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
+    let alone = ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    match Device::wgpu_options().init() {
+        Ok(device) => Some((device.autodiff(), alone)),
+        Err(error) => {
+            println!("skipped: no adapter ({error})");
+            None
+        }
+    }
+}
+
 #[cfg(feature = "wgpu")]
 #[test]
 fn a_gpu_agrees_with_the_cpu() {
-    let gpu = match Device::wgpu_options().init() {
-        Ok(device) => device.autodiff(),
-        Err(error) => {
-            println!("skipped: no adapter ({error})");
-            return;
-        }
-    };
+    let Some((gpu, _alone)) = gpu() else { return };
     let cpu = Device::flex().autodiff();
     for direction in [Direction::Forward, Direction::Backward] {
-        let want = sequence(&cpu, direction, false, false);
-        assert_close(&sequence(&gpu, direction, false, false), &want, 3e-5);
+        for last_only in [false, true] {
+            let want = sequence(&cpu, direction, false, last_only);
+            assert_close(&sequence(&gpu, direction, false, last_only), &want, 3e-5);
+        }
     }
+    assert_close(&without_frames(&gpu), &without_frames(&cpu), 1e-6);
     for (layers, hears) in DECODERS {
         let want = decoder(&cpu, layers, hears, false);
         assert_close(&decoder(&gpu, layers, hears, false), &want, 5e-5);
+    }
+}
+
+/// Output, last states and gradients of a layer over sequences that are all empty.
+#[cfg(feature = "wgpu")]
+fn without_frames(device: &Device) -> Vec<Vec<f32>> {
+    let (input, weights) = (numbers(1, [2, 3, 4], 1.0, device), weights(2, 4, 5, device));
+    let initial = state(5, 2, 5, device);
+    let (output, last) =
+        lstm_sequence(input.clone(), &[0, 0], Some(initial.clone()), &weights, Direction::Forward);
+    let gradients = (output.clone().sum() + last.hidden.clone().sum() + last.cell.clone().sum()).backward();
+    let mut all =
+        vec![values(&output), values(&last.hidden), values(&last.cell), gradient(&input, &gradients)];
+    all.extend(layer_gradients(&weights, &initial, &gradients));
+    all
+}
+
+/// Kernels launched by some work on a GPU.
+#[cfg(feature = "wgpu")]
+fn launches(work: impl FnOnce()) -> usize {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use cubecl::logging::{LaunchObservation, LaunchObserver};
+
+    #[derive(Default)]
+    struct Count(AtomicUsize);
+
+    impl LaunchObserver for Count {
+        fn launched(&self, _: &'static str) {
+            self.0.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    let count = Arc::new(Count::default());
+    let observation = LaunchObservation::new(count.clone());
+    work();
+    drop(observation);
+    count.0.load(Ordering::Relaxed)
+}
+
+#[cfg(feature = "wgpu")]
+#[test]
+fn a_step_takes_few_launches_on_a_gpu() {
+    const BATCH: usize = 3;
+    const COLUMNS: usize = 4;
+    let Some((gpu, _alone)) = gpu() else { return };
+    let forward_and_back = |decoder: Option<bool>, steps: usize| {
+        let lengths = [steps; BATCH];
+        let input = numbers(1, [BATCH, steps, COLUMNS], 1.0, &gpu).require_grad();
+        let said = match decoder {
+            None => {
+                let last =
+                    lstm_last_state(input, &lengths, None, &weights(2, COLUMNS, 5, &gpu), Direction::Forward);
+                last.hidden + last.cell
+            }
+            Some(known) => {
+                let layers = [weights(2, COLUMNS, 5, &gpu), weights(3, 5, 5, &gpu), weights(4, 5, 5, &gpu)];
+                let initial = || LstmState {
+                    hidden: numbers(5, [BATCH, 5], 1.0, &gpu),
+                    cell: numbers(6, [BATCH, 5], 1.0, &gpu),
+                };
+                let initial = vec![initial(), initial(), initial()];
+                let projection = (numbers(7, [5, COLUMNS], 1.0, &gpu), numbers(8, [COLUMNS], 1.0, &gpu));
+                if known {
+                    lstm_open_loop(input, &lengths, initial, &layers, projection, Activation::Tanh)
+                } else {
+                    let first = input.narrow(1, 0, 1).squeeze_dim(1);
+                    lstm_closed_loop(first, &lengths, initial, &layers, projection)
+                }
+            }
+        };
+        drop(said.sum().backward());
+    };
+    // A product and the numbers of a cell, in each direction; of three layers; of three layers that hear what was said at the
+    // step before.
+    for (decoder, want) in [(None, 4), (Some(true), 12), (Some(false), 22)] {
+        let [few, many] = [6, 12].map(|steps| {
+            // The first time, products of new sizes are tried out.
+            forward_and_back(decoder, steps);
+            launches(|| forward_and_back(decoder, steps))
+        });
+        assert_eq!((many - few) / 6, want, "launches a step, {few} and {many} in 6 and 12 steps");
     }
 }

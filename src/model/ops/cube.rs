@@ -1,5 +1,7 @@
 //! Recurrences on a GPU: products of the backend, and one launch for the numbers of all cells of a step.
 
+mod kernels;
+
 use burn::backend::TensorMetadata;
 use burn::tensor::Shape;
 use burn_cubecl::kernel::into_contiguous;
@@ -8,76 +10,16 @@ use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, cubecl};
 use cubecl::prelude::*;
 
+use self::kernels::{cell_back_kernel, cell_kernel, say_back_kernel, say_kernel};
 use super::backend::{
     DecoderTask, Hears, Layer, RecurrentBackend, RecurrentOps, SequenceInputs, SequenceTask, Stack,
     decoder_inputs,
 };
-use super::stepwise::{self, Cell, DecoderWay, Pointwise, SequenceWay};
+use super::stepwise::{self, DecoderWay, History, Later, Place, Pointwise, SequenceWay};
 use super::{Activation, Direction};
 
 /// Threads that share a launch's cube.
 const CUBE: u32 = 256;
-
-#[cube]
-fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x).exp())
-}
-
-/// One thread for each unit of each row.
-#[cube(launch)]
-fn cell_kernel(
-    input: &Tensor<f32>,
-    recurrent: &Tensor<f32>,
-    before: &Tensor<f32>,
-    gates: &mut Tensor<f32>,
-    cell: &mut Tensor<f32>,
-    hidden: &mut Tensor<f32>,
-) {
-    if ABSOLUTE_POS < cell.len() {
-        let units = cell.shape(1);
-        let at = ABSOLUTE_POS / units * 4 * units + ABSOLUTE_POS % units;
-        let i = sigmoid(input[at] + recurrent[at]);
-        let f = sigmoid(input[at + units] + recurrent[at + units]);
-        let g = (input[at + 2 * units] + recurrent[at + 2 * units]).tanh();
-        let o = sigmoid(input[at + 3 * units] + recurrent[at + 3 * units]);
-        let c = f * before[ABSOLUTE_POS] + i * g;
-        gates[at] = i;
-        gates[at + units] = f;
-        gates[at + 2 * units] = g;
-        gates[at + 3 * units] = o;
-        cell[ABSOLUTE_POS] = c;
-        hidden[ABSOLUTE_POS] = o * c.tanh();
-    }
-}
-
-/// The way back through [`cell_kernel`].
-#[cube(launch)]
-fn cell_back_kernel(
-    gates: &Tensor<f32>,
-    before: &Tensor<f32>,
-    after: &Tensor<f32>,
-    d_hidden: &Tensor<f32>,
-    d_cell: &Tensor<f32>,
-    d_gates: &mut Tensor<f32>,
-    d_before: &mut Tensor<f32>,
-) {
-    if ABSOLUTE_POS < d_before.len() {
-        let units = d_before.shape(1);
-        let at = ABSOLUTE_POS / units * 4 * units + ABSOLUTE_POS % units;
-        let i = gates[at];
-        let f = gates[at + units];
-        let g = gates[at + 2 * units];
-        let o = gates[at + 3 * units];
-        let c = after[ABSOLUTE_POS].tanh();
-        let d = d_hidden[ABSOLUTE_POS];
-        let d_c = d * o * (1.0 - c * c) + d_cell[ABSOLUTE_POS];
-        d_gates[at] = d_c * g * i * (1.0 - i);
-        d_gates[at + units] = d_c * before[ABSOLUTE_POS] * f * (1.0 - f);
-        d_gates[at + 2 * units] = d_c * i * (1.0 - g * g);
-        d_gates[at + 3 * units] = d * c * o * (1.0 - o);
-        d_before[ABSOLUTE_POS] = d_c * f;
-    }
-}
 
 fn empty(like: &CubeTensor, rows: usize, columns: usize) -> CubeTensor {
     empty_device_dtype(like.client.clone(), like.device.clone(), Shape::from([rows, columns]), like.dtype)
@@ -92,51 +34,127 @@ fn cubes(threads: usize) -> (CubeCount, CubeDim) {
 }
 
 impl Pointwise for CubeBackend {
-    fn cell(input: CubeTensor, recurrent: CubeTensor, before: CubeTensor) -> Cell<Self> {
-        let [input, recurrent, before] = [input, recurrent, before].map(into_contiguous);
-        let (rows, units) = (before.shape()[0], before.shape()[1]);
-        let gates = empty(&input, rows, 4 * units);
-        let (cell, hidden) = (empty(&input, rows, units), empty(&input, rows, units));
-        let (count, dim) = cubes(rows * units);
+    fn room(rows: usize, columns: usize, like: &CubeTensor) -> CubeTensor {
+        empty(like, rows, columns)
+    }
+
+    fn cell(
+        heard: Option<(CubeTensor, CubeTensor)>,
+        recurrent: CubeTensor,
+        history: &History<Self>,
+        place: Place,
+    ) -> CubeTensor {
+        let known = heard.is_none();
+        let recurrent = into_contiguous(recurrent);
+        let (input, bias) = heard.unwrap_or_else(|| (recurrent.clone(), recurrent.clone()));
+        let [input, bias] = [input, bias].map(into_contiguous);
+        let units = history.cells.shape()[1];
+        let latest = empty(&recurrent, place.rows, units);
+        let (count, dim) = cubes(place.rows * units);
         cell_kernel::launch(
-            &input.client.clone(),
+            &recurrent.client.clone(),
             count,
             dim,
             input.into_tensor_arg(),
+            bias.into_tensor_arg(),
             recurrent.into_tensor_arg(),
-            before.into_tensor_arg(),
-            gates.clone().into_tensor_arg(),
-            cell.clone().into_tensor_arg(),
-            hidden.clone().into_tensor_arg(),
+            history.gates.clone().into_tensor_arg(),
+            history.cells.clone().into_tensor_arg(),
+            history.hidden.clone().into_tensor_arg(),
+            latest.clone().into_tensor_arg(),
+            place.frame,
+            place.before,
+            place.after,
+            known,
         );
-        Cell { gates, cell, hidden }
+        latest
     }
 
     fn cell_back(
-        gates: CubeTensor,
-        before: CubeTensor,
-        after: CubeTensor,
-        d_hidden: CubeTensor,
-        d_cell: CubeTensor,
-    ) -> (CubeTensor, CubeTensor) {
-        let [gates, before, after, d_hidden, d_cell] =
-            [gates, before, after, d_hidden, d_cell].map(into_contiguous);
-        let (rows, units) = (before.shape()[0], before.shape()[1]);
-        let (d_gates, d_before) = (empty(&gates, rows, 4 * units), empty(&gates, rows, units));
-        let (count, dim) = cubes(rows * units);
+        history: &History<Self>,
+        place: Place,
+        later: Later<'_, Self>,
+        d_gates: &CubeTensor,
+    ) -> CubeTensor {
+        let units = later.cells.shape()[1];
+        let own = empty(d_gates, place.rows, 4 * units);
+        let (count, dim) = cubes(place.rows * units);
+        let (has_last, has_above) = (later.last.is_some(), later.above.is_some());
+        let (above, above_row) = later.above.unwrap_or_else(|| (later.hidden.clone(), 0));
+        let last = later.last.unwrap_or(later.hidden).clone();
+        let [hidden, last, above] = [later.hidden.clone(), last, above].map(into_contiguous);
         cell_back_kernel::launch(
-            &gates.client.clone(),
+            &d_gates.client.clone(),
             count,
             dim,
-            gates.into_tensor_arg(),
-            before.into_tensor_arg(),
-            after.into_tensor_arg(),
-            d_hidden.into_tensor_arg(),
-            d_cell.into_tensor_arg(),
+            history.gates.clone().into_tensor_arg(),
+            history.cells.clone().into_tensor_arg(),
+            hidden.into_tensor_arg(),
+            last.into_tensor_arg(),
+            above.into_tensor_arg(),
+            later.cells.clone().into_tensor_arg(),
             d_gates.clone().into_tensor_arg(),
-            d_before.clone().into_tensor_arg(),
+            own.clone().into_tensor_arg(),
+            place.frame,
+            place.before,
+            place.after,
+            later.rows,
+            above_row,
+            has_last,
+            has_above,
         );
-        (d_gates, d_before)
+        own
+    }
+
+    fn say(
+        projected: CubeTensor,
+        bias: CubeTensor,
+        activation: Activation,
+        outputs: &CubeTensor,
+        frame: usize,
+    ) -> CubeTensor {
+        let [projected, bias] = [projected, bias].map(into_contiguous);
+        let (rows, columns) = (projected.shape()[0], projected.shape()[1]);
+        let own = empty(&projected, rows, columns);
+        let (count, dim) = cubes(rows * columns);
+        say_kernel::launch(
+            &projected.client.clone(),
+            count,
+            dim,
+            projected.into_tensor_arg(),
+            bias.into_tensor_arg(),
+            outputs.clone().into_tensor_arg(),
+            own.clone().into_tensor_arg(),
+            frame,
+            activation == Activation::Tanh,
+        );
+        own
+    }
+
+    fn say_back(
+        d_outputs: CubeTensor,
+        outputs: CubeTensor,
+        (d_heard, heard_rows): (CubeTensor, usize),
+        d_projected: &CubeTensor,
+        place: Place,
+    ) -> CubeTensor {
+        let [d_outputs, outputs, d_heard] = [d_outputs, outputs, d_heard].map(into_contiguous);
+        let columns = outputs.shape()[1];
+        let own = empty(&outputs, place.rows, columns);
+        let (count, dim) = cubes(place.rows * columns);
+        say_back_kernel::launch(
+            &outputs.client.clone(),
+            count,
+            dim,
+            d_outputs.into_tensor_arg(),
+            outputs.into_tensor_arg(),
+            d_heard.into_tensor_arg(),
+            d_projected.clone().into_tensor_arg(),
+            own.clone().into_tensor_arg(),
+            place.frame,
+            heard_rows,
+        );
+        own
     }
 }
 

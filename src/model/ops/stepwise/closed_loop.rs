@@ -5,10 +5,11 @@ use burn::backend::{Backend, TensorMetadata};
 use burn::tensor::Shape;
 use rprae_recurrent::{Direction as Order, Instructions, Plan};
 
+use super::super::Activation;
 use super::Pointwise;
-use super::decoder::{DecoderWay, own, tanh_back, weight_gradients};
-use super::layer::Back;
-use super::tensors::{add_bias, back, gather_packed, join, rows, scatter_packed, select, zeros};
+use super::decoder::{DecoderWay, num_layers, own, weight_gradients};
+use super::layer::{Back, Layer, before, place};
+use super::tensors::{back, gather_packed, join, rows, scatter_packed, select, zeros};
 
 #[expect(clippy::needless_pass_by_value, reason = "tensors are handed on")]
 pub(super) fn closed_loop_forward<B: Pointwise>(
@@ -20,39 +21,50 @@ pub(super) fn closed_loop_forward<B: Pointwise>(
     let plan = Plan::new(lengths, time, Order::Forward, Instructions::best());
     let (projection, bias) = (inputs[1].clone(), inputs[2].clone());
     let num_outputs = bias.shape()[0];
-    let mut way = DecoderWay::<B>::new(plan, &inputs);
-    let mut input = select::<B>(inputs[0].clone(), way.plan.order().to_vec());
-    for step in 0..time {
-        let rows_now = way.plan.frames(step).len();
-        input = rows::<B>(input, 0, rows_now);
-        way.inputs.push(input.clone());
-        let mut heard = input;
-        for (index, layer) in way.layers.iter_mut().enumerate() {
-            let own = own::<B>(&inputs, index);
-            let gates = add_bias::<B>(B::float_matmul(heard, own[0].clone()), own[2].clone());
-            heard = layer.step(gates, &own[1]);
-        }
-        let output = add_bias::<B>(B::float_matmul(heard, projection.clone()), bias.clone());
-        if words {
-            way.outputs.push(output.clone());
-            input = output.clone();
-            if step + 1 < time {
-                let count = way.plan.frames(step + 1).len();
-                let word = B::float_argmax(rows::<B>(output, 0, count), 1, burn::tensor::IntDType::I32);
-                let word = B::int_reshape(word, Shape::from([count]));
-                input = B::float_select(inputs[inputs.len() - 1].clone(), 0, word.clone());
-                way.words.push(word);
-            }
-        } else {
-            let output = B::float_tanh(output);
-            way.outputs.push(output.clone());
-            input = output;
-        }
-    }
-    if way.outputs.is_empty() {
+    let layers = (0..num_layers::<B>(&inputs)).map(|layer| {
+        let own = own::<B>(&inputs, layer);
+        Layer::new(&plan, own[3].clone(), own[4].clone(), None)
+    });
+    let mut layers: Vec<Layer<B>> = layers.collect();
+    if time == 0 {
+        let way = DecoderWay { plan, layers, inputs: None, outputs: None, words: Vec::new() };
         return (zeros::<B>([0, num_outputs], &bias), way);
     }
-    (scatter_packed::<B>(&way.plan, join::<B>(way.outputs.clone(), 0)), way)
+    let activation = if words { Activation::None } else { Activation::Tanh };
+    let outputs = B::room(plan.num_frames(), num_outputs, &bias);
+    let first = select::<B>(inputs[0].clone(), plan.order().to_vec());
+    let mut input = first.clone();
+    let (mut embedded, mut heard_words) = (Vec::new(), Vec::new());
+    for step in 0..time {
+        let frames = plan.frames(step);
+        input = rows::<B>(input, 0, frames.len());
+        if words {
+            embedded.push(input.clone());
+        }
+        let mut heard = input;
+        for (index, layer) in layers.iter_mut().enumerate() {
+            let own = own::<B>(&inputs, index);
+            let gates = B::float_matmul(heard, own[0].clone());
+            heard = layer.step(&plan, step, Some((gates, own[2].clone())), &own[1]);
+        }
+        let projected = B::float_matmul(heard, projection.clone());
+        input = B::say(projected, bias.clone(), activation, &outputs, frames.start);
+        if words && step + 1 < time {
+            let count = plan.frames(step + 1).len();
+            let word = B::float_argmax(rows::<B>(input, 0, count), 1, burn::tensor::IntDType::I32);
+            let word = B::int_reshape(word, Shape::from([count]));
+            input = B::float_select(inputs[inputs.len() - 1].clone(), 0, word.clone());
+            heard_words.push(word);
+        }
+    }
+    let heard = if words {
+        join::<B>(embedded, 0)
+    } else {
+        select::<B>(join::<B>(vec![first, outputs.clone()], 0), before(&plan))
+    };
+    let said = scatter_packed::<B>(&plan, outputs.clone());
+    let (inputs, outputs) = (Some(heard), Some(outputs));
+    (said, DecoderWay { plan, layers, inputs, outputs, words: heard_words })
 }
 
 pub(super) fn closed_loop_backward<B: Pointwise>(
@@ -62,12 +74,12 @@ pub(super) fn closed_loop_backward<B: Pointwise>(
     words: bool,
 ) -> Vec<FloatTensor<B>> {
     let plan = &way.plan;
-    let steps = plan.num_steps();
-    if steps == 0 {
+    let (Some(heard), Some(outputs)) = (way.inputs, way.outputs) else {
         return inputs.into_iter().map(|input| B::float_mul_scalar(input, 0.0_f32.into())).collect();
-    }
-    let num_outputs = inputs[2].shape()[0];
+    };
     let d_outputs = gather_packed::<B>(plan, gradient);
+    let d_projected =
+        if words { d_outputs.clone() } else { B::room(plan.num_frames(), inputs[2].shape()[0], &d_outputs) };
     let projection_transposed = B::float_transpose(inputs[1].clone());
     let transposed: Vec<[FloatTensor<B>; 2]> = (0..way.layers.len())
         .map(|layer| {
@@ -76,43 +88,36 @@ pub(super) fn closed_loop_backward<B: Pointwise>(
         })
         .collect();
     let mut backs: Vec<Back<B>> = way.layers.iter().map(|layer| Back::new(plan, layer, None)).collect();
-    let mut d_projected = Vec::new();
-    let mut d_inputs: Vec<FloatTensor<B>> = Vec::new();
-    for step in (0..steps).rev() {
-        let frames = plan.frames(step);
-        let mut d_output = rows::<B>(d_outputs.clone(), frames.start, frames.end);
-        if !words {
-            if let Some(d_input) = d_inputs.last() {
-                let (have, missing) = (d_input.shape()[0], frames.len() - d_input.shape()[0]);
-                let mut heard = vec![d_input.clone()];
-                if missing > 0 && have > 0 {
-                    heard.push(zeros::<B>([missing, num_outputs], &d_output));
-                }
-                d_output = B::float_add(d_output, join::<B>(heard, 0));
-            }
-            d_output = tanh_back::<B>(d_output, way.outputs[step].clone());
-        }
-        d_projected.push(d_output.clone());
+    let mut d_embedded = Vec::new();
+    // Gradients of the inputs of the step after; before there are any, anything stands for none.
+    let mut d_input = d_outputs.clone();
+    for step in (0..plan.num_steps()).rev() {
+        let place = place(plan, step);
+        let d_output = if words {
+            rows::<B>(d_outputs.clone(), place.frame, place.frame + place.rows)
+        } else {
+            let num_heard = if step + 1 < plan.num_steps() { plan.frames(step + 1).len() } else { 0 };
+            B::say_back(d_outputs.clone(), outputs.clone(), (d_input, num_heard), &d_projected, place)
+        };
         let mut above = B::float_matmul(d_output, projection_transposed.clone());
         for (index, layer) in way.layers.iter().enumerate().rev() {
             let [input_transposed, recurrent_transposed] = &transposed[index];
-            let gates = backs[index].step(layer, step, Some(above), recurrent_transposed);
+            let gates = backs[index].step(plan, layer, step, Some((above, 0)), recurrent_transposed);
             above = B::float_matmul(gates, input_transposed.clone());
         }
-        d_inputs.push(above);
+        d_input = above;
+        if words {
+            d_embedded.push(d_input.clone());
+        }
     }
-    d_projected.reverse();
-    d_inputs.reverse();
-    let d_projected = join::<B>(d_projected, 0);
 
-    let heard = join::<B>(way.inputs, 0);
-    let mut all = vec![rows_to_batch::<B>(plan, d_inputs[0].clone())];
-    let backs: Vec<_> = backs.into_iter().map(|back| back.finish(plan, &heard).into()).collect();
-    all.extend(weight_gradients(heard, d_projected, way.layers.into_iter().zip(backs)));
+    let mut all = vec![rows_to_batch::<B>(plan, d_input)];
+    let backs: Vec<_> = backs.into_iter().map(|back| back.finish(plan)).collect();
+    all.extend(weight_gradients(plan, heard, d_projected, way.layers.into_iter().zip(backs)));
     if words {
         let table = &inputs[inputs.len() - 1];
         let mut d_table = B::float_mul_scalar(table.clone(), 0.0_f32.into());
-        for (word, d_input) in way.words.into_iter().zip(d_inputs.into_iter().skip(1)) {
+        for (word, d_input) in way.words.into_iter().zip(d_embedded.into_iter().rev().skip(1)) {
             d_table = B::float_select_assign(d_table, 0, word, d_input, burn::tensor::IndexingUpdateOp::Add);
         }
         all.push(d_table);

@@ -9,7 +9,7 @@ use super::super::Direction;
 use super::super::backend::{SequenceInputs, SequenceTask};
 use super::Pointwise;
 use super::layer::{Back, Layer};
-use super::tensors::{add_bias, columns, gather, join, outer, rows, scatter, select, sum_rows, zeros};
+use super::tensors::{add_bias, columns, gather, outer, scatter, select, sum_rows, zeros};
 
 /// A layer's way through known inputs.
 #[derive(Debug, Clone)]
@@ -31,28 +31,24 @@ pub fn sequence_forward<B: Pointwise>(
         Direction::Backward => Order::Backward,
     };
     let plan = Plan::new(&task.lengths, time, direction, Instructions::best());
-    let mut layer = Layer::<B>::new(&plan, hidden, cell);
-    let input = if plan.num_frames() == 0 {
-        zeros::<B>([0, feature], &input)
+    let (input, gates) = if plan.num_frames() == 0 {
+        (zeros::<B>([0, feature], &input), None)
     } else {
-        gather::<B>(&plan, input, feature)
+        let input = gather::<B>(&plan, input, feature);
+        (input.clone(), Some(add_bias::<B>(B::float_matmul(input, input_weights), bias)))
     };
-    let mut outputs = Vec::new();
-    if plan.num_frames() > 0 {
-        let gates = add_bias::<B>(B::float_matmul(input.clone(), input_weights), bias);
-        for step in 0..plan.num_steps() {
-            let frames = plan.frames(step);
-            outputs.push(layer.step(rows::<B>(gates.clone(), frames.start, frames.end), &recurrent_weights));
-        }
+    let mut layer = Layer::<B>::new(&plan, hidden, cell, gates);
+    for step in 0..plan.num_steps() {
+        layer.step(&plan, step, None, &recurrent_weights);
     }
     let (last_hidden, last_cell) = layer.last(&plan);
     let mut all = vec![last_hidden, last_cell];
     if task.outputs && time > 0 {
-        let units = layer.hidden.shape()[1];
-        let outputs = if outputs.is_empty() {
+        let units = recurrent_weights.shape()[0];
+        let outputs = if plan.num_frames() == 0 {
             zeros::<B>([plan.batch(), time * units], &input)
         } else {
-            scatter::<B>(&plan, join::<B>(outputs, 0))
+            scatter::<B>(&plan, layer.said(&plan))
         };
         all.insert(0, outputs);
     }
@@ -83,11 +79,10 @@ pub fn sequence_backward<B: Pointwise>(
         (own > 0 && frames > 0).then(|| gather::<B>(&plan, columns::<B>(gradient.clone(), 0, own), units));
     let recurrent_transposed = B::float_transpose(recurrent_weights.clone());
     for step in (0..plan.num_steps()).rev() {
-        let frames = plan.frames(step);
-        let above = above.clone().map(|above| rows::<B>(above, frames.start, frames.end));
-        back.step(&layer, step, above, &recurrent_transposed);
+        let above = above.clone().map(|above| (above, plan.frames(step).start));
+        back.step(&plan, &layer, step, above, &recurrent_transposed);
     }
-    let (d_hidden, d_cell, gates) = back.finish(&plan, &hidden);
+    let [d_hidden, d_cell, gates] = back.finish(&plan);
     if frames == 0 {
         let none = |tensor: &FloatTensor<B>| Some(B::float_mul_scalar(tensor.clone(), 0.0_f32.into()));
         let [d_weights, d_recurrent, d_bias] = [none(&input_weights), none(&recurrent_weights), none(&bias)];
@@ -102,7 +97,7 @@ pub fn sequence_backward<B: Pointwise>(
         Some(d_hidden),
         Some(d_cell),
         Some(outer::<B>(heard, gates.clone())),
-        Some(outer::<B>(join::<B>(layer.heard, 0), gates.clone())),
+        Some(outer::<B>(layer.heard(&plan), gates.clone())),
         Some(sum_rows::<B>(gates)),
     ]
 }

@@ -40,6 +40,12 @@ pub(super) fn add_bias<B: Backend>(product: FloatTensor<B>, bias: FloatTensor<B>
     B::float_add(product, B::float_reshape(bias, Shape::from([1, columns])))
 }
 
+/// The gradient before a tanh, given that after it and the tanh itself.
+pub(super) fn tanh_back<B: Backend>(gradient: FloatTensor<B>, said: FloatTensor<B>) -> FloatTensor<B> {
+    let slope = B::float_neg(B::float_mul(said.clone(), said));
+    B::float_mul(gradient, B::float_add_scalar(slope, 1.0_f32.into()))
+}
+
 /// The transpose of `left` times `right`.
 pub(super) fn outer<B: Backend>(left: FloatTensor<B>, right: FloatTensor<B>) -> FloatTensor<B> {
     B::float_matmul(B::float_transpose(left), right)
