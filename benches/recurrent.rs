@@ -11,6 +11,8 @@
 //! median (56 frames) and 90th percentile (115).
 //! The peer runs under `$RPRAE_PEER_PYTHON` (default `python3`) with the packages of `benches/peers/requirements.txt`.
 //! `RPRAE_BENCH_ROUNDS` and `RPRAE_BENCH_VARIANTS` (comma-separated) shorten a run.
+//! With `RPRAE_BENCH_DEVICE=gpu` ours runs on the graphics adapter that wgpu prefers and counts its kernel launches, and `PyTorch`
+//! runs on CUDA, or on the processor where there is none; memory is then that of the processes, not of the GPU.
 
 #[path = "beside/peer.rs"]
 mod peer;
@@ -26,6 +28,7 @@ use burn::tensor::{Device, Distribution, Tensor, TensorData};
 use rprae::model::ops::{
     Activation, Direction, LstmState, LstmWeights, lstm_closed_loop, lstm_last_state, lstm_open_loop,
 };
+use rprae::model::{DeviceChoice, Selected, select};
 use rprae::training::Adam;
 use serde_json::{Value, json};
 
@@ -120,13 +123,74 @@ impl Actions {
 }
 
 /// A process of `PyTorch`.
-fn start_peer() -> Result<Peer, Box<dyn Error>> {
+fn start_peer(on_gpu: bool) -> Result<Peer, Box<dyn Error>> {
     let mut command = script("training_pytorch.py");
-    let (peer, ready) =
-        Peer::start(command.args(["--threads", &THREADS.to_string()]).stderr(Stdio::inherit()))?;
+    command.args(["--threads", &THREADS.to_string()]).stderr(Stdio::inherit());
+    if on_gpu {
+        command.arg("--gpu");
+    }
+    let (peer, ready) = Peer::start(&mut command)?;
     let ready: Value = serde_json::from_str(&ready)?;
-    println!("peer: PyTorch {}, {THREADS} threads", ready["version"].as_str().unwrap_or("?"));
+    let text = |key: &str| ready[key].as_str().unwrap_or("?").to_owned();
+    println!("peer: PyTorch {} on {}, {THREADS} threads", text("version"), text("device"));
     Ok(peer)
+}
+
+/// Where ours runs.
+struct Place {
+    device: Device,
+    on_gpu: bool,
+}
+
+impl Place {
+    fn from_env() -> Result<Self, Box<dyn Error>> {
+        match std::env::var("RPRAE_BENCH_DEVICE").as_deref() {
+            Ok("gpu") => {
+                let Selected { device, name, .. } = select(DeviceChoice::Wgpu)?;
+                println!("ours on {name}");
+                Ok(Self { device, on_gpu: true })
+            }
+            Ok("cpu") | Err(_) => Ok(Self { device: Device::flex(), on_gpu: false }),
+            Ok(other) => Err(format!("RPRAE_BENCH_DEVICE is {other}, neither cpu nor gpu").into()),
+        }
+    }
+
+    /// Waits until everything that was asked of a GPU is done.
+    fn wait(&self) -> Result<(), Box<dyn Error>> {
+        if self.on_gpu {
+            self.device.sync()?;
+        }
+        Ok(())
+    }
+}
+
+/// Some work and how many kernels it launched on a GPU.
+#[cfg(feature = "wgpu")]
+fn launches<R>(work: impl FnOnce() -> R) -> (R, usize) {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use cubecl::logging::{LaunchObservation, LaunchObserver};
+
+    #[derive(Default)]
+    struct Count(AtomicUsize);
+
+    impl LaunchObserver for Count {
+        fn launched(&self, _: &'static str) {
+            self.0.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    let count = Arc::new(Count::default());
+    let observation = LaunchObservation::new(count.clone());
+    let result = work();
+    drop(observation);
+    (result, count.0.load(Ordering::Relaxed))
+}
+
+#[cfg(not(feature = "wgpu"))]
+fn launches<R>(work: impl FnOnce() -> R) -> (R, usize) {
+    (work(), 0)
 }
 
 /// An answer of `PyTorch`.
@@ -170,6 +234,8 @@ struct Program<'a> {
     times: Times,
     /// Resident memory at its highest, MiB.
     peak: f64,
+    /// Kernels launched on a GPU in the last iteration.
+    launches: usize,
 }
 
 impl Program<'_> {
@@ -212,22 +278,23 @@ fn kit_lengths() -> Vec<usize> {
     }
 }
 
-/// Our matrix product, from the crate `gemm`.
-fn own_matmul_gflops(size: usize) -> f64 {
-    let device = Device::flex();
-    let random = || Tensor::<2>::random([size, size], Distribution::Uniform(0.0, 1.0), &device);
+/// Our matrix product: of the crate `gemm`, or of the GPU's backend.
+fn own_matmul_gflops(size: usize, place: &Place) -> Result<f64, Box<dyn Error>> {
+    let random = || Tensor::<2>::random([size, size], Distribution::Uniform(0.0, 1.0), &place.device);
     let (a, b) = (random(), random());
     let mut last = a.clone().matmul(b.clone());
+    place.wait()?;
     let start = Instant::now();
     for _ in 0..3 {
         last = a.clone().matmul(b.clone());
     }
+    place.wait()?;
     let secs = start.elapsed().as_secs_f64();
     drop(last.into_data());
-    6.0 * (size as f64).powi(3) / secs / 1e9
+    Ok(6.0 * (size as f64).powi(3) / secs / 1e9)
 }
 
-fn compare(name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn Error>> {
+fn compare(name: &str, lengths: &[usize], rounds: usize, place: &Place) -> Result<(), Box<dyn Error>> {
     let frames: usize = lengths.iter().sum();
     let width = lengths.iter().copied().max().unwrap_or(0);
     let variants = std::env::var("RPRAE_BENCH_VARIANTS").unwrap_or_else(|_| {
@@ -239,7 +306,7 @@ fn compare(name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn E
         .to_owned()
     });
     let variants: Vec<&str> = variants.split(',').collect();
-    let device = Device::flex().autodiff();
+    let device = place.device.clone().autodiff();
     let mut values = vec![0.0_f32; BATCH * width * CHANNELS];
     let mut valid = Vec::with_capacity(frames * CHANNELS);
     for (sequence, &length) in lengths.iter().enumerate() {
@@ -257,26 +324,35 @@ fn compare(name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn E
     // The frame before each one; the first one hears itself.
     let before = motions.clone().narrow(1, 0, width - 1);
     let before = Tensor::cat(vec![motions.clone().narrow(1, 0, 1), before], 1);
-    let program = |name, hears_itself| Program { name, hears_itself, times: Times::default(), peak: 0.0 };
+    let program =
+        |name, hears_itself| Program { name, hears_itself, times: Times::default(), peak: 0.0, launches: 0 };
     let mut ours = [program("rprae", false), program("rprae", true)];
     // Each variant has a process of its own, as in a training run: what others left in its memory would change its time.
     let mut theirs = Vec::new();
     for &name in &variants {
-        theirs.push((start_peer()?, program(name, name == "loop")));
+        theirs.push((start_peer(place.on_gpu)?, program(name, name == "loop")));
     }
     let mut peaks: Vec<Vec<f64>> = vec![Vec::new(); 2];
     // The first round warms both sides up.
     for round in 0..=rounds {
-        peaks[0].push(own_matmul_gflops(2000));
-        for Program { hears_itself, times, .. } in &mut ours {
+        peaks[0].push(own_matmul_gflops(2000, place)?);
+        for Program { hears_itself, times, launches: launched, .. } in &mut ours {
             let heard = (!*hears_itself).then_some(&before);
             let (start, cpu) = (Instant::now(), cpu_secs());
-            let loss = model.loss(&motions, heard, &targets, lengths);
-            let forward = start.elapsed().as_secs_f64();
-            let gradients = GradientsParams::from_grads(loss.backward(), &model);
-            let backward = start.elapsed().as_secs_f64();
-            model = optimiser.step(1e-3, model, gradients);
-            let all = start.elapsed().as_secs_f64();
+            let (result, count) = launches(|| -> Result<_, Box<dyn Error>> {
+                let loss = model.loss(&motions, heard, &targets, lengths);
+                place.wait()?;
+                let forward = start.elapsed().as_secs_f64();
+                let gradients = GradientsParams::from_grads(loss.backward(), &model);
+                place.wait()?;
+                let backward = start.elapsed().as_secs_f64();
+                let model = optimiser.step(1e-3, model, gradients);
+                place.wait()?;
+                Ok((model, [forward, backward, start.elapsed().as_secs_f64()]))
+            });
+            let (updated, [forward, backward, all]) = result?;
+            model = updated;
+            *launched = count;
             if round > 0 {
                 times.wall.push(all);
                 times.cpu.extend(cpu_secs().zip(cpu).map(|(after, before)| after - before));
@@ -300,7 +376,7 @@ fn compare(name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn E
         ours.peak = peak_mib().unwrap_or(0.0);
     }
     println!(
-        "\n{name}: {frames} frames, longest {width}, {:.1} GFLOP; matmul 2000^3: torch {:.0}, gemm {:.0} GFLOP/s",
+        "\n{name}: {frames} frames, longest {width}, {:.1} GFLOP; matmul 2000^3: torch {:.0}, ours {:.0} GFLOP/s",
         gflop(frames),
         median(&mut peaks[1]),
         median(&mut peaks[0]),
@@ -315,7 +391,7 @@ fn compare(name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn E
     let theirs = theirs.iter_mut().map(|(_, program)| program);
     for program in ours.iter_mut().chain(theirs) {
         let hears = program.hears();
-        let Program { name, hears_itself, times, peak } = program;
+        let Program { name, hears_itself, times, peak, .. } = program;
         let (time, cpu) = (median(&mut times.wall), median(&mut times.cpu));
         let (own, own_cpu) = own[usize::from(*hears_itself)];
         println!(
@@ -335,11 +411,12 @@ fn compare(name: &str, lengths: &[usize], rounds: usize) -> Result<(), Box<dyn E
         let parts = &program.times.parts;
         let mean = |part: usize| parts.iter().map(|parts| parts[part]).sum::<f64>() / rounds as f64;
         println!(
-            "ours, hearing {}: forward {:.2} s, backward {:.2} s, Adam {:.2} s",
+            "ours, hearing {}: forward {:.2} s, backward {:.2} s, Adam {:.2} s{}",
             program.hears(),
             mean(0),
             mean(1),
             mean(2),
+            if place.on_gpu { format!(", {} launches", program.launches) } else { String::new() },
         );
     }
     println!();
@@ -353,6 +430,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     rayon::ThreadPoolBuilder::new().num_threads(THREADS).build_global()?;
     println!("instructions: {}", rprae_recurrent::Instructions::best().name());
-    compare("100 frames each", &[100; BATCH], rounds)?;
-    compare("KIT lengths", &kit_lengths(), rounds)
+    let place = Place::from_env()?;
+    compare("100 frames each", &[100; BATCH], rounds, &place)?;
+    compare("KIT lengths", &kit_lengths(), rounds, &place)
 }

@@ -1,6 +1,6 @@
 """A training iteration of the action autoencoder in PyTorch, timed beside ours by benches/recurrent.rs.
 
-    python benches/peers/training_pytorch.py --threads 2 < requests
+    python benches/peers/training_pytorch.py --threads 2 [--gpu] < requests
 
 One JSON request a line on stdin, one JSON answer a line on stdout, so that two programs can take turns:
 
@@ -38,7 +38,7 @@ class Actions(torch.nn.Module):
         self.output = torch.nn.Linear(500, 50)
 
     def initial(self, last):
-        hidden = torch.cat([self.latent(last)[None], torch.zeros(2, last.shape[0], 500)])
+        hidden = torch.cat([self.latent(last)[None], torch.zeros(2, last.shape[0], 500, device=last.device)])
         return hidden, torch.zeros_like(hidden)
 
     def padded(self, x, lengths):
@@ -48,7 +48,7 @@ class Actions(torch.nn.Module):
         return torch.tanh(self.output(said))
 
     def packed(self, x, lengths):
-        frames = pack_padded_sequence(x, lengths, True, False)
+        frames = pack_padded_sequence(x, lengths.cpu(), True, False)
         _, (last, _) = self.encoder(frames)
         said, _ = self.decoder(frames, self.initial(last[-1]))
         said, _ = pad_packed_sequence(said, True, total_length=x.shape[1])
@@ -73,7 +73,7 @@ class Actions(torch.nn.Module):
 
 
 def mask(lengths, width):
-    return (torch.arange(width)[None] < lengths[:, None]).float()[..., None]
+    return (torch.arange(width, device=lengths.device)[None] < lengths[:, None]).float()[..., None]
 
 
 def iterate(model, optimiser, variant, x, lengths):
@@ -99,26 +99,37 @@ def iterate(model, optimiser, variant, x, lengths):
 def main():
     arguments = argparse.ArgumentParser()
     arguments.add_argument("--threads", type=int, default=2)
-    torch.set_num_threads(arguments.parse_args().threads)
+    arguments.add_argument("--gpu", action="store_true", help="run on CUDA if there is any")
+    arguments = arguments.parse_args()
+    torch.set_num_threads(arguments.threads)
     torch.manual_seed(0)
-    model = Actions()
+    on_gpu = arguments.gpu and torch.cuda.is_available()
+    device = torch.device("cuda" if on_gpu else "cpu")
+    wait = torch.cuda.synchronize if on_gpu else lambda: None
+    model = Actions().to(device)
     optimiser = torch.optim.Adam(model.parameters(), 1e-3, fused=True)
-    print(json.dumps({"ready": True, "version": torch.__version__}), flush=True)
+    print(json.dumps({"ready": True, "version": torch.__version__,
+                      "device": torch.cuda.get_device_name() if on_gpu else "the processor"}), flush=True)
     for line in sys.stdin:
         request = json.loads(line)
         if request["variant"] == "matmul":
             size = request["size"]
-            a, b = torch.rand(size, size), torch.rand(size, size)
+            a, b = torch.rand(size, size, device=device), torch.rand(size, size, device=device)
             torch.mm(a, b)
+            wait()
             start = time.perf_counter()
             for _ in range(3):
                 torch.mm(a, b)
+            wait()
             answer = {"gflops": 6 * size**3 / (time.perf_counter() - start) / 1e9}
         else:
-            lengths = torch.tensor(request["lengths"])
-            x = (torch.rand(len(lengths), request["width"], 50) * 2 - 1) * mask(lengths, request["width"])
+            lengths = torch.tensor(request["lengths"], device=device)
+            x = torch.rand(len(lengths), request["width"], 50, device=device) * 2 - 1
+            x = x * mask(lengths, request["width"])
+            wait()
             start, cpu = time.perf_counter(), time.process_time()
             loss = iterate(model, optimiser, request["variant"], x, lengths)
+            wait()
             answer = {"secs": time.perf_counter() - start, "cpu_secs": time.process_time() - cpu, "loss": loss}
             answer["peak_mib"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         print(json.dumps(answer), flush=True)
