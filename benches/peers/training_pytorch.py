@@ -43,7 +43,7 @@ class Actions(torch.nn.Module):
 
     def padded(self, x, lengths):
         states, _ = self.encoder(x)
-        last = states[torch.arange(len(lengths)), lengths - 1]
+        last = states[torch.arange(len(lengths), device=x.device), lengths - 1]
         said, _ = self.decoder(x, self.initial(last))
         return torch.tanh(self.output(said))
 
@@ -56,7 +56,7 @@ class Actions(torch.nn.Module):
 
     def loop(self, x, lengths):
         states, _ = self.encoder(x)
-        last = states[torch.arange(len(lengths)), lengths - 1]
+        last = states[torch.arange(len(lengths), device=x.device), lengths - 1]
         hidden, cell = self.initial(last)
         hidden, cell = list(hidden), list(cell)
         weights = [[getattr(self.decoder, f"{name}_l{layer}") for name in
@@ -105,6 +105,8 @@ def main():
     torch.manual_seed(0)
     on_gpu = arguments.gpu and torch.cuda.is_available()
     device = torch.device("cuda" if on_gpu else "cpu")
+    # As exact as on the processor and as ours.
+    torch.backends.cudnn.allow_tf32 = torch.backends.cuda.matmul.allow_tf32 = False
     wait = torch.cuda.synchronize if on_gpu else lambda: None
     model = Actions().to(device)
     optimiser = torch.optim.Adam(model.parameters(), 1e-3, fused=True)

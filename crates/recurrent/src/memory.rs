@@ -27,9 +27,9 @@ struct Spare {
     maps: Vec<MmapMut>,
     /// Bytes in `maps`.
     kept: usize,
-    /// Bytes mapped and used.
+    /// Bytes of the maps in use.
     used: usize,
-    /// The most bytes that were used at once; no more are ever mapped.
+    /// The most bytes of maps that were in use at once; no more are ever mapped.
     most: usize,
 }
 
@@ -41,12 +41,16 @@ fn spare() -> MutexGuard<'static, Spare> {
 }
 
 impl Spare {
-    /// Takes a map of at least so many bytes, the smallest there is, unless most of it would lie idle.
+    /// Takes a map of at least so many bytes, the smallest there is, unless too much of it would lie idle.
     ///
     /// A larger one will do, or matrices that take turns would drive each other's maps out in every batch.
     fn take(&mut self, bytes: usize) -> Option<MmapMut> {
-        let fitting =
-            self.maps.iter().enumerate().rev().filter(|(_, map)| (bytes..2 * bytes).contains(&map.len()));
+        let fitting = self
+            .maps
+            .iter()
+            .enumerate()
+            .rev()
+            .filter(|(_, map)| (bytes..=bytes + bytes / 2).contains(&map.len()));
         let found = fitting.min_by_key(|(_, map)| map.len()).map(|(place, _)| place);
         let map = found.map(|place| self.maps.remove(place));
         if let Some(map) = &map {
@@ -266,7 +270,7 @@ mod tests {
             assert_eq!(take_and_give(&mut spare, 3 * PAGE, 3), 7);
             assert_eq!(take_and_give(&mut spare, 4 * PAGE, 3), 7);
         }
-        assert!(spare.take(PAGE).is_none(), "most of any map would lie idle");
+        assert!(spare.take(PAGE).is_none(), "too much of any map would lie idle");
     }
 
     #[test]

@@ -41,7 +41,7 @@ pub struct Plan {
 /// The fewest sequences worth a part of their own: with two blocks of them, weights are read twice for every time they are fetched.
 const ROWS_OF_A_PART: usize = 12;
 
-/// Frames worth a product of their own: the weights behind it are read once for them.
+/// Frames worth a product of their own: the weights behind it are read a few times for all of them.
 const FRAMES_OF_A_BLOCK: usize = 240;
 
 /// First frame of each step for sequences of these lengths, not rising, and the number of frames at the end.

@@ -62,7 +62,7 @@ pub(crate) struct Factors<'a, T: Number> {
     pub(crate) runs: Vec<Run>,
 }
 
-/// Wide panels of the right that meet the left at once: as many as leave every thread a few tasks.
+/// Wide panels of the right that one task takes through each group of rows: as many as leave every thread a few tasks.
 fn together(panels: usize) -> usize {
     (panels / (8 * rayon::current_num_threads())).clamp(1, 4)
 }

@@ -5,7 +5,7 @@ mod kernels;
 use burn::backend::TensorMetadata;
 use burn::tensor::Shape;
 use burn_cubecl::kernel::into_contiguous;
-use burn_cubecl::ops::numeric::empty_device_dtype;
+use burn_cubecl::ops::numeric::empty_device_contiguous_dtype;
 use burn_cubecl::tensor::CubeTensor;
 use burn_cubecl::{CubeBackend, cubecl};
 use cubecl::prelude::*;
@@ -21,8 +21,14 @@ use super::{Activation, Direction};
 /// Threads that share a launch's cube.
 const CUBE: u32 = 256;
 
+/// Rows one after the other, as the kernels index them.
 fn empty(like: &CubeTensor, rows: usize, columns: usize) -> CubeTensor {
-    empty_device_dtype(like.client.clone(), like.device.clone(), Shape::from([rows, columns]), like.dtype)
+    empty_device_contiguous_dtype(
+        like.client.clone(),
+        like.device.clone(),
+        Shape::from([rows, columns]),
+        like.dtype,
+    )
 }
 
 /// As many cubes as `threads` need.

@@ -44,7 +44,7 @@ pub struct Place {
 
 /// Gradients of the states after a step.
 pub struct Later<'a, B: Backend> {
-    /// Of hidden states from the step after, `[row, hidden]`, of the first sequences.
+    /// Of hidden states from the step after, `[row, hidden]`, of the first sequences; anything where there are none.
     pub hidden: &'a FloatTensor<B>,
     /// How many of them.
     pub rows: usize,
@@ -52,18 +52,18 @@ pub struct Later<'a, B: Backend> {
     pub last: Option<&'a FloatTensor<B>>,
     /// Of hidden states from what heard them, and the first row of this step among them.
     pub above: Option<(FloatTensor<B>, usize)>,
-    /// Of cells, `[sequence, hidden]`: of those before the step afterwards.
+    /// Of cells, `[sequence, hidden]`; written: of those before the step afterwards.
     pub cells: &'a FloatTensor<B>,
 }
 
 /// What happens to each number alone in a step and on the way back through it, each in one launch.
 ///
-/// Matrices behind references are written in place.
+/// What is said to be written is written in place.
 pub trait Pointwise: Backend {
     /// A matrix of which nothing is read before it is written.
     fn room(rows: usize, columns: usize, like: &FloatTensor<Self>) -> FloatTensor<Self>;
 
-    /// Writes a step's gates, cells and hidden states, and yields the latter alone, `[row, hidden]`.
+    /// Writes a step's gates, cells and hidden states to the history, and yields the latter alone, `[row, hidden]`.
     ///
     /// `heard` is the input's share of the gates `[row, 4 * hidden]` and the bias, none where the gates hold both already;
     /// `recurrent` is the share of the hidden states before.
@@ -74,7 +74,8 @@ pub trait Pointwise: Backend {
         place: Place,
     ) -> FloatTensor<Self>;
 
-    /// Writes gradients of a step's gates before their activations to `d_gates`, and yields them alone, `[row, 4 * hidden]`.
+    /// Writes gradients of a step's gates before their activations to `d_gates`, and yields them alone, `[row, 4 * hidden]`;
+    /// writes `later.cells`.
     fn cell_back(
         history: &History<Self>,
         place: Place,
@@ -82,7 +83,7 @@ pub trait Pointwise: Backend {
         d_gates: &FloatTensor<Self>,
     ) -> FloatTensor<Self>;
 
-    /// Writes what is said at a step, from `frame` on, and yields it alone.
+    /// Writes what is said at a step to `outputs`, from `frame` on, and yields it alone.
     fn say(
         projected: FloatTensor<Self>,
         bias: FloatTensor<Self>,

@@ -1,4 +1,4 @@
-//! A decoder that hears what is known beforehand: only the recurrent products of its layers go step by step.
+//! A decoder that hears what is known beforehand: products of inputs go many steps at once, unless these have few features.
 
 use super::Decoder;
 use super::part::{Back, Packs, Part, Transposed};
