@@ -14,6 +14,9 @@
 //! With `RPRAE_BENCH_DEVICE=gpu` ours runs on the graphics adapter that wgpu prefers and counts its kernel launches, and `PyTorch`
 //! runs on CUDA, or on the processor where there is none; memory is then that of the processes, not of the GPU.
 
+#[cfg(feature = "wgpu")]
+#[path = "beside/launches.rs"]
+mod launches;
 #[path = "beside/peer.rs"]
 mod peer;
 
@@ -32,6 +35,8 @@ use rprae::model::{DeviceChoice, Selected, select};
 use rprae::training::Adam;
 use serde_json::{Value, json};
 
+#[cfg(feature = "wgpu")]
+use launches::launches;
 use peer::{Peer, median, script};
 
 const BATCH: usize = 80;
@@ -164,30 +169,7 @@ impl Place {
     }
 }
 
-/// Some work and how many kernels it launched on a GPU.
-#[cfg(feature = "wgpu")]
-fn launches<R>(work: impl FnOnce() -> R) -> (R, usize) {
-    use std::sync::Arc;
-    use std::sync::atomic::{AtomicUsize, Ordering};
-
-    use cubecl::logging::{LaunchObservation, LaunchObserver};
-
-    #[derive(Default)]
-    struct Count(AtomicUsize);
-
-    impl LaunchObserver for Count {
-        fn launched(&self, _: &'static str) {
-            self.0.fetch_add(1, Ordering::Relaxed);
-        }
-    }
-
-    let count = Arc::new(Count::default());
-    let observation = LaunchObservation::new(count.clone());
-    let result = work();
-    drop(observation);
-    (result, count.0.load(Ordering::Relaxed))
-}
-
+/// Without a GPU none is launched.
 #[cfg(not(feature = "wgpu"))]
 fn launches<R>(work: impl FnOnce() -> R) -> (R, usize) {
     (work(), 0)

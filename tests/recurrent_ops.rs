@@ -2,11 +2,18 @@
 
 #![expect(clippy::unwrap_used, reason = "a test that is surprised should stop at once")]
 
+#[cfg(feature = "wgpu")]
+#[path = "../benches/beside/launches.rs"]
+mod launches;
+
 use burn::tensor::{Device, Gradients, Tensor, TensorData, activation};
 use rprae::model::ops::{
     Activation, Direction, LstmState, LstmWeights, lstm_closed_loop, lstm_closed_loop_words, lstm_last_state,
     lstm_open_loop, lstm_sequence,
 };
+
+#[cfg(feature = "wgpu")]
+use launches::launches;
 
 /// Numbers spread over `[-scale, scale]`, the same in every run.
 fn numbers<const D: usize>(seed: usize, shape: [usize; D], scale: f32, device: &Device) -> Tensor<D> {
@@ -345,30 +352,6 @@ fn without_frames(device: &Device) -> Vec<Vec<f32>> {
     all
 }
 
-/// Kernels launched by some work on a GPU.
-#[cfg(feature = "wgpu")]
-fn launches(work: impl FnOnce()) -> usize {
-    use std::sync::Arc;
-    use std::sync::atomic::{AtomicUsize, Ordering};
-
-    use cubecl::logging::{LaunchObservation, LaunchObserver};
-
-    #[derive(Default)]
-    struct Count(AtomicUsize);
-
-    impl LaunchObserver for Count {
-        fn launched(&self, _: &'static str) {
-            self.0.fetch_add(1, Ordering::Relaxed);
-        }
-    }
-
-    let count = Arc::new(Count::default());
-    let observation = LaunchObservation::new(count.clone());
-    work();
-    drop(observation);
-    count.0.load(Ordering::Relaxed)
-}
-
 #[cfg(feature = "wgpu")]
 #[test]
 fn a_step_takes_few_launches_on_a_gpu() {
@@ -377,7 +360,7 @@ fn a_step_takes_few_launches_on_a_gpu() {
     let Some((gpu, _alone)) = gpu() else { return };
     let forward_and_back = |decoder: Option<bool>, steps: usize| {
         let lengths = [steps; BATCH];
-        let input = numbers(1, [BATCH, steps, COLUMNS], 1.0, &gpu).require_grad();
+        let input = numbers(1, [BATCH, steps, COLUMNS], 1.0, &gpu);
         let said = match decoder {
             None => {
                 let last =
@@ -386,11 +369,7 @@ fn a_step_takes_few_launches_on_a_gpu() {
             }
             Some(known) => {
                 let layers = [weights(2, COLUMNS, 5, &gpu), weights(3, 5, 5, &gpu), weights(4, 5, 5, &gpu)];
-                let initial = || LstmState {
-                    hidden: numbers(5, [BATCH, 5], 1.0, &gpu),
-                    cell: numbers(6, [BATCH, 5], 1.0, &gpu),
-                };
-                let initial = vec![initial(), initial(), initial()];
+                let initial = vec![state(5, BATCH, 5, &gpu); 3];
                 let projection = (numbers(7, [5, COLUMNS], 1.0, &gpu), numbers(8, [COLUMNS], 1.0, &gpu));
                 if known {
                     lstm_open_loop(input, &lengths, initial, &layers, projection, Activation::Tanh)
@@ -408,7 +387,7 @@ fn a_step_takes_few_launches_on_a_gpu() {
         let [few, many] = [6, 12].map(|steps| {
             // The first time, products of new sizes are tried out.
             forward_and_back(decoder, steps);
-            launches(|| forward_and_back(decoder, steps))
+            launches(|| forward_and_back(decoder, steps)).1
         });
         assert_eq!(many - few, 6 * want, "launches in 6 more steps than the {few} of 6");
     }

@@ -141,11 +141,6 @@ impl<T: Number> History<T> {
         Ahead { gates: self.gates.panels.stride(), states: self.cells.panels.stride() }
     }
 
-    /// First row of the states before a step.
-    pub(crate) fn before(plan: &Plan, step: usize) -> usize {
-        if step == 0 { 0 } else { plan.batch() + plan.frames(step - 1).start }
-    }
-
     /// Goes through neighbouring steps whose inputs are known beforehand: frame 0's stand in `first_row`.
     pub(crate) fn steps(
         &mut self,
@@ -158,7 +153,9 @@ impl<T: Number> History<T> {
         // A product of few features costs less than the way of the gates to memory and back.
         let few = WIDE * weights.feature <= weights.hidden;
         if !few {
-            self.hear(plan, weights, steps, input, first_row);
+            let frames = plan.frames_of(steps);
+            let (packed, bias, first_row) = (&weights.input, Some(&weights.bias), first_row + frames.start);
+            multiply_all(plan.instructions, input, first_row, packed, bias, &mut self.gates, frames);
         }
         for step in steps.clone() {
             let first_row = first_row + plan.frames(step).start;
@@ -167,24 +164,10 @@ impl<T: Number> History<T> {
         }
     }
 
-    /// Fills the gates of these steps with the share of inputs known beforehand, in one product.
-    fn hear(
-        &mut self,
-        plan: &Plan,
-        weights: &Forward<T>,
-        steps: &Range<usize>,
-        input: &Panels<T>,
-        first_row: usize,
-    ) {
-        let frames = plan.frames_of(steps);
-        let (packed, bias, first_row) = (&weights.input, Some(&weights.bias), first_row + frames.start);
-        multiply_all(plan.instructions, input, first_row, packed, bias, &mut self.gates, frames);
-    }
-
     pub(crate) fn step(&mut self, plan: &Plan, weights: &Forward<T>, step: usize, input: &Hears<'_, T>) {
         let frames = plan.frames(step);
         let rows = frames.len();
-        let before = Self::before(plan, step);
+        let before = plan.before(step);
         let lanes = self.hidden.width;
         let latest = &self.latest;
         let ahead = self.ahead();
@@ -240,7 +223,7 @@ impl<T: Number> History<T> {
     ) {
         let frames = plan.frames(step);
         let rows = frames.len();
-        let before = Self::before(plan, step);
+        let before = plan.before(step);
         let lanes = self.hidden.width;
         let min = share(self.cells.panels.len(), rows * self.hidden_units * 16);
         let cells = &self.cells.panels;

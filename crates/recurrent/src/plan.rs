@@ -190,8 +190,18 @@ impl Plan {
         }
     }
 
+    /// First row of the states before a step, where those of all frames follow the initial one of each sequence.
+    ///
+    /// # Panics
+    ///
+    /// If no sequence has so many steps.
+    #[must_use]
+    pub fn before(&self, step: usize) -> usize {
+        step.checked_sub(1).map_or(0, |before| self.batch() + self.frames(before).start)
+    }
+
     /// The last frame of each row, in terms of frame numbers; none for an empty sequence.
-    pub(crate) fn last_frames(&self) -> impl Iterator<Item = Option<usize>> + '_ {
+    pub fn last_frames(&self) -> impl Iterator<Item = Option<usize>> + '_ {
         self.lengths.iter().enumerate().map(|(row, &length)| Some(self.offsets[length.checked_sub(1)?] + row))
     }
 

@@ -39,7 +39,7 @@ pub(crate) fn weight_gradients<T: Number>(
         .map(|part| {
             let mut runs: Vec<Run> = Vec::new();
             for step in 0..part.plan.num_steps() {
-                let (left, frames) = (History::<T>::before(part.plan, step), part.plan.frames(step));
+                let (left, frames) = (part.plan.before(step), part.plan.frames(step));
                 match runs.last_mut() {
                     Some(run) if run.left + run.rows == left => run.rows += frames.len(),
                     _ => runs.push(Run { left, right: frames.start, rows: frames.len() }),

@@ -10,8 +10,12 @@ use super::{History, Later, Place, Pointwise};
 /// Where a step stands.
 pub(super) fn place(plan: &Plan, step: usize) -> Place {
     let frames = plan.frames(step);
-    let before = step.checked_sub(1).map_or(0, |before| plan.batch() + plan.frames(before).start);
-    Place { frame: frames.start, before, after: plan.batch() + frames.start, rows: frames.len() }
+    Place {
+        frame: frames.start,
+        before: plan.before(step),
+        after: plan.batch() + frames.start,
+        rows: frames.len(),
+    }
 }
 
 /// For each frame, the row before it where those of all frames follow one for each sequence.
@@ -74,12 +78,9 @@ impl<B: Pointwise> Layer<B> {
 
     /// Hidden states and cells after the last frame of each sequence, in the caller's order.
     pub(super) fn last(&self, plan: &Plan) -> (FloatTensor<B>, FloatTensor<B>) {
-        let mut last: Vec<usize> = (0..plan.batch()).collect();
-        for place in (0..plan.num_steps()).map(|step| place(plan, step)) {
-            for (row, last) in last.iter_mut().enumerate().take(place.rows) {
-                *last = place.after + row;
-            }
-        }
+        let last = plan.last_frames().enumerate();
+        let last: Vec<usize> =
+            last.map(|(row, frame)| frame.map_or(row, |frame| plan.batch() + frame)).collect();
         let last: Vec<usize> = back(plan).into_iter().map(|row| last[row]).collect();
         (
             select::<B>(self.history.hidden.clone(), last.clone()),
